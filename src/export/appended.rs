@@ -1,4 +1,4 @@
-//! What `.vtu` and `.vtp` files have in common: an XML head that gives the offset of each array in the raw appended data behind it.
+//! Common parts of `.vtu` and `.vtp` files: an XML head that gives the offset of each array in the raw appended data behind it.
 //!
 //! Arrays are blocks of a UInt64 byte count and little-endian values. All sizes are known before the first value is
 //! written, so the file is written once from front to back.
@@ -10,35 +10,35 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-/// Bytes collected before they go to the file.
+/// Size of the write buffer in bytes.
 const BUFFER: usize = 1 << 20;
 
 /// A field of one step: a list of values for each component.
 pub(super) struct Values {
-    /// Name, number of components, and whether the values are of points or of cells.
+    /// Name, number of components, and association of the values.
     pub info: FieldInfo,
     /// Values by component.
     pub components: Vec<Vec<f32>>,
 }
 
 impl Values {
-    /// Room for the values of a field.
+    /// Empty values of a field.
     pub fn empty(info: FieldInfo) -> Self {
         Self { components: vec![Vec::new(); info.components], info }
     }
 }
 
-/// The head of a file, and where the next array goes.
+/// The XML head of a file, and the offset of the next array.
 pub(super) struct Head {
-    /// XML so far.
+    /// XML text so far.
     pub text: String,
     offset: u64,
 }
 
 impl Head {
-    /// Begins a file of this type with the array of its time, which is the first one.
+    /// Begins a file of this type; its first array is the time.
     pub fn begin(kind: &str) -> Self {
-        // VTK reads the number of values of field data from an attribute of its own.
+        // VTK reads the number of values of field data from a separate attribute.
         let text = format!(
             "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
             <VTKFile type=\"{kind}\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n\
@@ -49,14 +49,14 @@ impl Head {
         Self { text, offset: 2 * size_of::<f64>() as u64 }
     }
 
-    /// The XML up to where the arrays begin.
+    /// The XML up to the appended data.
     pub fn end(self, kind: &str) -> String {
         self.text + &format!("</{kind}>\n<AppendedData encoding=\"raw\">\n_")
     }
 
     /// Declares an array of `tuples` tuples of `components` numbers of `bytes` bytes; `name` is escaped.
     pub fn array(&mut self, kind: &str, name: &str, components: usize, tuples: usize, bytes: usize) {
-        // As VTK, which leaves a 1 out: meshio takes a scalar that says it for an array of two axes.
+        // A 1 is omitted, as by VTK: meshio reads an array that gives it as having two axes.
         let width = if components == 1 { String::new() } else { format!(" NumberOfComponents=\"{components}\"") };
         self.text += &format!(
             "<DataArray type=\"{kind}\" Name=\"{name}\"{width} format=\"appended\" offset=\"{}\"/>\n",
@@ -65,7 +65,7 @@ impl Head {
         self.offset += (size_of::<u64>() + components * tuples * bytes) as u64;
     }
 
-    /// Declares the fields of points or of cells; checks their names.
+    /// Declares the fields of points or of cells, and checks their names.
     pub fn fields(
         &mut self,
         tag: &str,
@@ -104,16 +104,16 @@ pub(super) fn block<const N: usize>(
     Ok(())
 }
 
-/// The values of a field, tuple by tuple.
+/// The values of a field, interleaved by tuple.
 pub(super) fn tuples(field: &Values) -> impl Iterator<Item = [u8; 4]> + '_ {
     let count = field.components.first().map_or(0, Vec::len);
     (0..count).flat_map(|i| field.components.iter().map(move |values| values[i].to_le_bytes()))
 }
 
-/// What follows the last array.
+/// Text after the last array.
 pub(super) const END: &[u8] = b"\n</AppendedData>\n</VTKFile>\n";
 
-/// Makes the file `path`; returns its size.
+/// Creates the file `path`; returns its size.
 pub(super) fn write(path: &Path, content: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> FileResult<u64> {
     let io = |action: &'static str| move |e: io::Error| FileError::io(path, action, &e);
     let mut out = BufWriter::with_capacity(BUFFER, File::create(path).map_err(io("create"))?);

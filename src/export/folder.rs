@@ -1,4 +1,4 @@
-//! A folder that is filled beside its place and moved there when it is complete.
+//! A folder that is filled under a temporary name and moved to its place when it is complete.
 
 use crate::error::{FileError, FileResult};
 use crate::files;
@@ -6,14 +6,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// A folder in the making; removed with its contents if it is dropped before [`NewFolder::finish`].
+/// A folder being written; removed with its contents if it is dropped before [`NewFolder::finish`].
 pub(super) struct NewFolder {
     staging: TempDir,
     place: PathBuf,
 }
 
 impl NewFolder {
-    /// Begins the folder `place`, which must not exist or be empty; the folder that it lies in must exist.
+    /// Begins the folder `place`, which must be missing or empty; its parent must exist.
     pub(super) fn begin(place: &Path) -> FileResult<Self> {
         let parent = files::parent_of(place);
         if !parent.is_dir() {
@@ -23,14 +23,14 @@ impl NewFolder {
         Ok(Self { staging: files::sibling_folder(place, "tmp")?, place: place.to_owned() })
     }
 
-    /// Where to write meanwhile.
+    /// The temporary path to write to.
     pub(super) fn path(&self) -> &Path {
         self.staging.path()
     }
 
     /// Moves the folder into its place.
     pub(super) fn finish(self) -> FileResult<()> {
-        // Somebody may have written there meanwhile.
+        // Another process may have written there meanwhile.
         if check_free(&self.place)? {
             fs::remove_dir(&self.place).map_err(|e| FileError::io(&self.place, "replace the empty folder", &e))?;
         }
@@ -40,10 +40,10 @@ impl NewFolder {
     }
 }
 
-/// Whether there is an empty folder.
+/// Whether `place` is an empty folder; `false` if it does not exist.
 ///
 /// # Errors
-/// If there is anything else.
+/// If it is anything else.
 fn check_free(place: &Path) -> FileResult<bool> {
     // A dangling link exists too.
     let Ok(metadata) = fs::symlink_metadata(place) else { return Ok(false) };

@@ -1,4 +1,4 @@
-//! Frames and series written to files. What is written appears in its place only when it is complete.
+//! Export of frames and series to files, which appear at their paths only when they are complete.
 
 pub mod annotate;
 mod appended;

@@ -1,7 +1,7 @@
 //! Movies, encoded by an ffmpeg process while the next frame renders.
 //!
-//! Frames go through a pipe as rgb24, fed by a thread of its own. The process writes to a temporary sibling of the movie, which
-//! takes the movie's name when everything has gone well. Whatever else happens, the process is ended and the sibling removed.
+//! Frames go through a pipe as rgb24, fed by a thread of its own. The process writes to a temporary sibling of the movie, which is renamed
+//! when the movie is complete. In all other cases the process is ended and the sibling removed.
 
 use super::still::Background;
 use crate::error::{FileError, FileResult};
@@ -19,7 +19,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 use tempfile::NamedTempFile;
 
-/// Names the program to run in place of the `ffmpeg` on the path.
+/// Environment variable with the program to run in place of the `ffmpeg` on the path.
 pub const FFMPEG_VARIABLE: &str = "TETREEL_FFMPEG";
 
 /// A container for movies.
@@ -36,7 +36,7 @@ pub enum MovieFormat {
 }
 
 impl MovieFormat {
-    /// The format that a file name asks for with its extension, in upper or lower case.
+    /// The format for a file name's extension, in upper or lower case.
     pub fn of(path: &Path) -> Option<Self> {
         match path.extension()?.to_ascii_lowercase().to_str()? {
             "mp4" => Some(Self::Mp4),
@@ -65,10 +65,10 @@ impl MovieFormat {
         }
     }
 
-    /// Quality close to what the eye tells from the original, at a speed that keeps up with rendering.
+    /// Encoder options for nearly lossless quality at a speed that keeps up with rendering.
     fn encoder_options(self) -> &'static [&'static str] {
         match self {
-            // The index in front of the data: a browser begins to play before it has everything.
+            // The index precedes the data, so that a browser can start before the download ends.
             Self::Mp4 | Self::Mov => &["-preset", "medium", "-crf", "18", "-movflags", "+faststart"],
             Self::Mkv => &["-preset", "medium", "-crf", "18"],
             Self::WebM => &["-crf", "24", "-b:v", "0", "-deadline", "good", "-cpu-used", "3", "-row-mt", "1"],
@@ -76,14 +76,14 @@ impl MovieFormat {
     }
 }
 
-/// Frames per second: a decimal number, or a fraction as 30000/1001.
+/// Frames per second: a decimal number, or a fraction such as 30000/1001.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameRate {
     numerator: f64,
     denominator: u32,
 }
 
-/// Slowest and fastest frame rate: containers count time in ticks of limited size.
+/// Slowest and fastest frame rate: timestamps of containers have limited size.
 const FRAMES_PER_SECOND: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
 
 impl FrameRate {
@@ -94,7 +94,7 @@ impl FrameRate {
 }
 
 impl Default for FrameRate {
-    /// 25 a second.
+    /// 25 frames per second.
     fn default() -> Self {
         Self { numerator: 25.0, denominator: 1 }
     }
@@ -123,34 +123,34 @@ impl fmt::Display for FrameRate {
     }
 }
 
-/// What a movie is besides its frames.
+/// Properties of a movie beside its frames.
 #[derive(Clone, Debug)]
 pub struct MovieOptions {
-    /// Width and height of the frames in pixels. The movie gets a column and a row more where they are odd, in the colour of
-    /// the background: its colours have half the resolution.
+    /// Width and height of the frames in pixels. An odd size is padded by a column or row in the background colour: the movie's chroma has
+    /// half the resolution.
     pub size_px: (usize, usize),
     /// Frames per second.
     pub rate: FrameRate,
-    /// What lies behind the volume; black if nothing does, since a movie has no opacity.
+    /// Background behind the volume; black if there is none, since a movie has no opacity.
     pub background: Background,
     /// Title, as players show it.
     pub title: String,
-    /// How it was made.
+    /// How the movie was made.
     pub comment: String,
 }
 
-/// Why there is no movie.
+/// Why no movie was written.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum MovieError {
-    /// ffmpeg or the file system refused.
+    /// An error of ffmpeg or the file system.
     #[error(transparent)]
     File(#[from] FileError),
-    /// Somebody asked to stop.
+    /// The export was cancelled.
     #[error("cancelled")]
     Cancelled,
 }
 
-/// An ffmpeg that can write movies of a format.
+/// An ffmpeg with an encoder for a format.
 #[derive(Clone, Debug)]
 pub struct Ffmpeg {
     program: OsString,
@@ -158,10 +158,10 @@ pub struct Ffmpeg {
 }
 
 impl Ffmpeg {
-    /// Looks for the program that `TETREEL_FFMPEG` names, else for `ffmpeg` on the path, and asks it for the encoder.
+    /// Finds the program that `TETREEL_FFMPEG` names, else `ffmpeg` on the path, and checks its encoders.
     ///
     /// # Errors
-    /// If there is no such program, it does not answer, or it lacks the encoder.
+    /// If there is no such program, it does not respond, or it lacks the encoder.
     pub fn find(format: MovieFormat) -> FileResult<Self> {
         let named = std::env::var_os(FFMPEG_VARIABLE).filter(|name| !name.is_empty());
         let program = named.unwrap_or_else(|| OsString::from("ffmpeg"));
@@ -185,12 +185,12 @@ impl Ffmpeg {
     fn command(&self, options: &MovieOptions, file: &Path) -> Command {
         let (width, height) = options.size_px;
         let [r, g, b] = background_rgb(options).map(to_byte);
-        // Without the matrix it would be that of BT.601, whatever the tags say.
+        // Without an explicit matrix it would be BT.601, whatever the tags say.
         let filter = format!(
             "pad=w=ceil(iw/2)*2:h=ceil(ih/2)*2:x=0:y=0:color=0x{r:02x}{g:02x}{b:02x},\
              scale=out_color_matrix=bt709:out_range=tv:flags=bicubic+accurate_rnd+full_chroma_int,format=yuv420p"
         );
-        // Else a colon in the name would end the name of a protocol.
+        // Without the prefix, a colon in the name would end a protocol name.
         let mut url = OsString::from("file:");
         url.push(file);
         let rate = options.rate.to_string();
@@ -210,14 +210,15 @@ impl Ffmpeg {
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
             .stderr(Stdio::piped());
-        // Ctrl-C in a terminal goes to the whole group; this process is ended by us, so that it finishes no half movie.
+        // Ctrl-C in a terminal goes to the whole process group; this process is ended by its writer instead, so that it finishes no half
+        // movie.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         command
     }
 }
 
-/// The colour behind the volume.
+/// The background colour.
 fn background_rgb(options: &MovieOptions) -> [f32; 3] {
     options.background.color().unwrap_or([0.0; 3])
 }
@@ -226,15 +227,15 @@ fn to_byte(channel: f32) -> u8 {
     (channel * 255.0).round() as u8
 }
 
-/// Frames waiting for the pipe: enough to keep the encoder busy, few enough to bound memory.
+/// Most frames waiting for the pipe: enough to keep the encoder busy, few enough to bound memory.
 const QUEUE: usize = 2;
-/// How often a cancellation is looked for while waiting for the encoder.
+/// Interval between checks for cancellation while waiting for the encoder.
 const PATIENCE: Duration = Duration::from_millis(20);
-/// How long the last words of an ended process may take; longer only if it has left children that hold its output open.
+/// Time limit for the last messages of an ended process; reached only if its children hold its output open.
 const LAST_WORDS: Duration = Duration::from_secs(2);
-/// Bytes of the process's messages that are kept: the last ones.
+/// Bytes kept of the process's messages, from the end.
 const TAIL_BYTES: usize = 2000;
-/// Lines of them that are shown.
+/// Lines of these that are shown.
 const TAIL_LINES: usize = 4;
 
 /// Writes one movie.
@@ -242,7 +243,7 @@ const TAIL_LINES: usize = 4;
 pub struct MovieWriter {
     place: PathBuf,
     program: OsString,
-    /// Removed with this writer unless it has become the movie.
+    /// The temporary file, removed with this writer unless it has become the movie.
     file: Option<NamedTempFile>,
     size_px: (usize, usize),
     process: Child,
@@ -252,10 +253,10 @@ pub struct MovieWriter {
 }
 
 impl MovieWriter {
-    /// Starts the process. The folder of `place` must exist; an older movie there stays until this one is complete.
+    /// Starts the process. The folder of `place` must exist; an older movie there stays until the new one is complete.
     ///
     /// # Errors
-    /// If the folder takes no file or the process does not start.
+    /// If the folder is not writable or the process does not start.
     pub fn start(ffmpeg: &Ffmpeg, place: &Path, options: &MovieOptions) -> FileResult<Self> {
         let file = files::sibling_file(place)?;
         let cannot_run = |e: &io::Error| FileError::io(&ffmpeg.program, "run", e);
@@ -266,7 +267,7 @@ impl MovieWriter {
         let feeder = std::thread::spawn(move || feed(pipe, &frames, background));
         let (say, messages) = bounded(1);
         std::thread::spawn(move || {
-            // Nobody listens any more if the movie was cancelled.
+            // The receiver is gone if the movie was cancelled.
             let _ = say.send(errors.as_mut().map(tail_of).unwrap_or_default());
         });
         Ok(Self {
@@ -281,11 +282,11 @@ impl MovieWriter {
         })
     }
 
-    /// Hands over a frame; waits if the encoder is behind.
+    /// Sends a frame; blocks while the encoder is behind.
     ///
     /// # Errors
-    /// If the frame has another size than the movie or a pixel without colour, if the process has failed, or `cancel` was
-    /// raised. Frames handed over after an error are lost.
+    /// If the frame has another size than the movie or a pixel without colour, if the process has failed, or `cancel` was raised. Frames
+    /// sent after an error are lost.
     pub fn send(&mut self, image: RgbaImage, cancel: &Cancel) -> Result<(), MovieError> {
         if (image.width, image.height) != self.size_px {
             let problem = format!("a frame of {} x {} pixels does not fit the movie", image.width, image.height);
@@ -302,7 +303,7 @@ impl MovieWriter {
                 Ok(()) => return Ok(()),
                 Err(SendTimeoutError::Timeout(_)) if cancel.is_cancelled() => return Err(MovieError::Cancelled),
                 Err(SendTimeoutError::Timeout(unsent)) => image = unsent,
-                // The feeder has ended, which it does only when the process no longer reads.
+                // The feeder ends early only when the process no longer reads.
                 Err(SendTimeoutError::Disconnected(_)) => {
                     self.end(cancel)?;
                     return Err(self.failure("no longer reads", ""));
@@ -311,13 +312,13 @@ impl MovieWriter {
         }
     }
 
-    /// Waits for the encoder and moves the movie to its place. Returns the number of frames.
+    /// Waits for the encoder and moves the movie into place. Returns the number of frames.
     ///
     /// # Errors
-    /// If the process fails, the folder does not take the file, or `cancel` was raised: then all is as it was before.
+    /// If the process fails, the file cannot be moved into place, or `cancel` was raised: an older movie is then unchanged.
     pub fn finish(mut self, cancel: &Cancel) -> Result<usize, MovieError> {
         let frames = self.end(cancel)?;
-        // By its name: the process may have put another file there.
+        // Checked by path: the process may have replaced the file.
         let written = |file: &NamedTempFile| std::fs::metadata(file).is_ok_and(|m| m.len() > 0);
         let Some(file) = self.file.take().filter(written) else {
             return Err(self.failure(&format!("wrote nothing for {frames} frames"), ""));
@@ -326,7 +327,7 @@ impl MovieWriter {
         Ok(frames)
     }
 
-    /// Closes the pipe, waits for the process and says how many frames it has taken.
+    /// Closes the pipe, waits for the process and returns the number of frames that it read.
     fn end(&mut self, cancel: &Cancel) -> Result<usize, MovieError> {
         self.queue = None;
         let status = loop {
@@ -346,14 +347,14 @@ impl MovieWriter {
         };
         let said = self.last_words();
         match fed {
-            // A full disk may not show in the exit status: an index that was not written is an error message only.
+            // A full disk may not show in the exit status: an index that could not be written is only an error message.
             Ok(frames) if status.success() && said.is_empty() => Ok(frames),
             Err(_) if status.success() => Err(self.failure("ended before it had read all frames", &said)),
             Ok(_) | Err(_) => Err(self.failure(&format!("ended with {status}"), &said)),
         }
     }
 
-    /// What the process said before it ended, errors only.
+    /// The error messages of the process at its end.
     fn last_words(&self) -> String {
         self.messages.recv_timeout(LAST_WORDS).unwrap_or_default()
     }
@@ -366,19 +367,19 @@ impl MovieWriter {
 }
 
 impl Drop for MovieWriter {
-    /// Ends a process that is still there: nobody wants what it would write.
+    /// Ends a process that is still running: its output is not wanted.
     fn drop(&mut self) {
         self.queue = None;
         if matches!(self.process.try_wait(), Ok(Some(_))) {
             return;
         }
-        // It may end by itself meanwhile; that is no failure.
+        // The process may have ended by itself; that is no failure.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }
 }
 
-/// Writes frames into the pipe until there are no more; their number.
+/// Writes frames into the pipe until there are no more; returns their number.
 fn feed(pipe: Option<ChildStdin>, frames: &Receiver<RgbaImage>, background: [f32; 3]) -> io::Result<usize> {
     let mut pipe = pipe.ok_or(io::ErrorKind::BrokenPipe)?;
     let mut count = 0;
@@ -392,7 +393,7 @@ fn feed(pipe: Option<ChildStdin>, frames: &Receiver<RgbaImage>, background: [f32
     Ok(count)
 }
 
-/// The last lines of a stream, as one.
+/// The last lines of a stream, joined into one.
 fn tail_of(stream: &mut impl Read) -> String {
     let mut tail = Vec::new();
     let mut chunk = [0; 4096];

@@ -1,12 +1,12 @@
-//! File names with a place for a number.
+//! File name patterns with a number.
 
 use crate::error::{FileError, FileResult};
 use crate::files::os_string;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-/// A file name with a place for a number: `frame_%04d.png`, `%d` for no leading zeros, `%%` for a percent sign. Without one it names
-/// a single file.
+/// A file name with a number: `frame_%04d.png`, `%d` for no leading zeros, `%%` for a percent sign. Without a number it names a single
+/// file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct NumberedPath {
     before: OsString,
@@ -16,7 +16,7 @@ pub(super) struct NumberedPath {
 }
 
 impl NumberedPath {
-    /// Reads a pattern; errors show `example`.
+    /// Parses a pattern; errors show `example`.
     ///
     /// # Errors
     /// If there are two numbers, or a conversion other than %d.
@@ -46,12 +46,12 @@ impl NumberedPath {
         Ok(Self { before: before?, digits, after: after? })
     }
 
-    /// Whether there is a place for a number.
+    /// Whether the pattern has a number.
     pub fn is_numbered(&self) -> bool {
         self.digits.is_some()
     }
 
-    /// The file of number `n`.
+    /// The path for number `n`.
     pub fn path(&self, n: usize) -> PathBuf {
         let mut path = self.before.clone();
         if let Some(digits) = self.digits {
@@ -62,7 +62,7 @@ impl NumberedPath {
     }
 }
 
-/// Least number of digits of a number format behind its percent sign (`d`, `04d`), and what follows it.
+/// Parses a number format behind its percent sign (`d`, `04d`): least number of digits, and the rest of the text.
 fn conversion(text: &[u8]) -> Option<(usize, &[u8])> {
     let end = text.iter().position(|byte| !byte.is_ascii_digit())?;
     let (width, tail) = (std::str::from_utf8(&text[..end]).ok()?, text[end..].strip_prefix(b"d")?);

@@ -8,13 +8,13 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::thread::JoinHandle;
 
-/// A file name of images with a place for the number of the frame: `frame_%04d.png`, `%d` for no leading zeros, `%%` for a percent
-/// sign. Without a number it names a single frame.
+/// A file name pattern for images with the number of the frame: `frame_%04d.png`, `%d` for no leading zeros, `%%` for a percent sign.
+/// Without a number it names a single frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FramePattern(NumberedPath);
 
 impl FramePattern {
-    /// Reads a pattern.
+    /// Parses a pattern.
     ///
     /// # Errors
     /// If there are two numbers, a conversion other than %d, or the file is neither .png nor .exr.
@@ -28,12 +28,12 @@ impl FramePattern {
         Ok(Self(pattern))
     }
 
-    /// Whether there is a place for a number.
+    /// Whether the pattern has a number.
     pub fn is_numbered(&self) -> bool {
         self.0.is_numbered()
     }
 
-    /// The file of frame `n`.
+    /// The path of frame `n`.
     pub fn path(&self, n: usize) -> PathBuf {
         self.0.path(n)
     }
@@ -47,10 +47,10 @@ impl FromStr for FramePattern {
     }
 }
 
-/// Frames waiting to be encoded: enough to keep the writer busy, few enough to bound memory.
+/// Most frames waiting to be encoded: enough to keep the writer busy, few enough to bound memory.
 const QUEUE: usize = 2;
 
-/// Encodes and writes images on a thread of its own. Each file appears whole or not at all.
+/// Encodes and writes images on a thread of its own. Each file appears complete or not at all.
 #[derive(Debug)]
 pub struct FrameWriter {
     queue: Option<Sender<(OutputFrame, PathBuf)>>,
@@ -75,7 +75,7 @@ impl FrameWriter {
         Self { queue: Some(queue), thread: Some(thread) }
     }
 
-    /// Hands over a frame; waits if the writer is behind.
+    /// Sends a frame; blocks while the writer is behind.
     ///
     /// # Errors
     /// If an earlier frame could not be written.
@@ -84,7 +84,7 @@ impl FrameWriter {
         if sent { Ok(()) } else { self.finish().map(|_| ()) }
     }
 
-    /// Waits until all frames are written and returns their number; 0 if that was asked before.
+    /// Waits until all frames are written and returns their number; 0 if called again.
     ///
     /// # Errors
     /// If a frame could not be written.

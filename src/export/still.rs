@@ -1,4 +1,4 @@
-//! One frame to one image file: what goes into it, and in which format.
+//! Writing one frame to an image file: its metadata and formats.
 
 use crate::error::{FileError, FileResult};
 use crate::image::{
@@ -10,23 +10,23 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::str::FromStr;
 
-/// A frame on its way to a file: its planes, and what they show.
+/// A frame to be written: its planes and their description.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OutputFrame {
-    /// Colours; depths of the same size, or without pixels where there are none.
+    /// Colours; depths of the same size, or empty.
     pub planes: Planes,
-    /// What the planes show.
+    /// Description of the planes.
     pub attributes: FrameAttributes,
 }
 
-/// What a frame shows, as plain data: written into formats that take it, and the source of annotations.
+/// Description of a frame, as plain data: written into formats with metadata, and the source of annotations.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrameAttributes {
     /// Time of the series, in its unit.
     pub time: f64,
     /// Zero-based step of the series; the last one at or before `time` where steps are interpolated.
     pub step: usize,
-    /// Number of the frame among those of the run, from 0.
+    /// Zero-based number of the frame in its run.
     pub frame: usize,
     /// Field shown, as the user selects it: `T`, `velocity:mag`.
     pub field: String,
@@ -36,24 +36,24 @@ pub struct FrameAttributes {
     pub camera: String,
     /// Transfer function as `--tf` takes it.
     pub transfer_function: String,
-    /// Scalars that the transfer function covers in this frame; `None` if that is not known.
+    /// Scalars covered by the transfer function in this frame; `None` if not known.
     pub range: Option<MappedRange>,
     /// Meaning of the opacities.
     pub opacity_kind: OpacityKind,
-    /// The length that opacities refer to, world units.
+    /// Reference length of the opacities, world units.
     pub unit_distance: f64,
     /// `tetreel VERSION`.
     pub software: String,
-    /// Whatever else is to be said of this frame, by name.
+    /// Further properties of this frame, by name.
     pub extras: BTreeMap<String, String>,
 }
 
 impl FrameAttributes {
-    /// What [`Self::software`] says of this version.
+    /// The value of [`Self::software`] for this version.
     pub const SOFTWARE: &str = concat!("tetreel ", env!("CARGO_PKG_VERSION"));
 
-    /// The same as attributes of an EXR: `software`, and `tetreel.NAME` for what is known. Camera, transfer function and
-    /// range are texts as the command line takes them; numbers are doubles; extras are `tetreel.extra.NAME`.
+    /// The attributes of an EXR: `software`, and `tetreel.NAME` for known properties. Camera, transfer function and range are texts as on
+    /// the command line; numbers are doubles; extras are `tetreel.extra.NAME`.
     pub fn to_exr(&self) -> ExrAttributes {
         let range = self.range.map_or(String::new(), |range| {
             let (lo, hi) = (range.lo(), range.hi());
@@ -88,19 +88,19 @@ impl FrameAttributes {
         attributes
     }
 
-    /// Name among [`Self::extras`] of what [`read_fingerprint`] gives back.
+    /// Name of the fingerprint in [`Self::extras`], which [`read_fingerprint`] reads back.
     pub const FINGERPRINT: &str = "fingerprint";
 
-    /// The fingerprint of the request that made the frame, if it has one.
+    /// The fingerprint of the request that the frame was rendered for, if it has one.
     pub fn fingerprint(&self) -> Option<&str> {
         self.extras.get(Self::FINGERPRINT).map(String::as_str)
     }
 }
 
-/// What lies behind the volume.
+/// The background behind the volume.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Background {
-    /// Nothing: the image keeps its opacity as straight alpha.
+    /// No background: the image keeps its opacity as straight alpha.
     #[default]
     Transparent,
     /// A display-referred colour, 0..=1 per channel: the image is opaque.
@@ -108,7 +108,7 @@ pub enum Background {
 }
 
 impl Background {
-    /// The colour, if there is one.
+    /// The colour; `None` for a transparent background.
     pub fn color(self) -> Option<[f32; 3]> {
         match self {
             Self::Transparent => None,
@@ -145,7 +145,7 @@ pub enum StillFormat {
 }
 
 impl StillFormat {
-    /// The format that a file name asks for with its extension, in upper or lower case.
+    /// The format for a file name's extension, in upper or lower case.
     pub fn of(path: &Path) -> Option<Self> {
         match path.extension()?.to_ascii_lowercase().to_str()? {
             "png" => Some(Self::Png),
@@ -155,21 +155,21 @@ impl StillFormat {
     }
 }
 
-/// How stills are written.
+/// How still images are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StillOptions {
-    /// What lies behind the volume, PNG only.
+    /// Background behind the volume, PNG only.
     pub background: Background,
     /// Bits per channel of a PNG.
     pub png_depth: PngDepth,
-    /// How an EXR is stored.
+    /// Encoding of an EXR.
     pub exr: ExrEncoding,
 }
 
-/// Writes a frame in the format that the file's name asks for. The file appears whole or not at all.
+/// Writes a frame in the format given by the file's extension. The file appears complete or not at all.
 ///
 /// # Errors
-/// If the name asks for no known format, the frame cannot be stored in it, or the folder does not take the file.
+/// If the extension is unknown, the format cannot hold the frame, or the folder is not writable.
 pub fn write_still(path: &Path, frame: &OutputFrame, options: &StillOptions) -> FileResult<()> {
     match StillFormat::of(path) {
         Some(StillFormat::Png) => {
@@ -185,14 +185,14 @@ pub fn write_still(path: &Path, frame: &OutputFrame, options: &StillOptions) -> 
     }
 }
 
-/// The standard's keyword for what made an image.
+/// The PNG standard's keyword for the software that made an image.
 const PNG_SOFTWARE: &str = "Software";
-/// Keyword of [`FrameAttributes::FINGERPRINT`].
+/// PNG keyword of [`FrameAttributes::FINGERPRINT`].
 const PNG_FINGERPRINT: &str = "tetreel fingerprint";
-/// Attribute of an EXR for [`FrameAttributes::FINGERPRINT`].
+/// EXR attribute of [`FrameAttributes::FINGERPRINT`].
 const EXR_FINGERPRINT: &str = "tetreel.extra.fingerprint";
 
-/// The fingerprint of the request that made an image; `None` if it has none. The file is read to its end.
+/// The fingerprint of the request that an image was rendered for; `None` if it has none. The file is read to its end.
 ///
 /// # Errors
 /// If the file cannot be read, is damaged or cut.
@@ -207,7 +207,7 @@ pub fn read_fingerprint(path: &Path) -> FileResult<Option<String>> {
     }
 }
 
-/// What to do about a name without a known extension.
+/// Remedy for a name without a known extension.
 const REMEDY: &str = "end the name with .png or .exr";
 
 #[cfg(test)]

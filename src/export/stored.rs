@@ -1,9 +1,9 @@
-//! A store as a source again: its steps decoded, in the numbering of the file that it was imported from.
+//! A store as a source: its steps decoded, in the numbering of the file that it was imported from.
 //!
-//! The store keeps where each vertex and cell was in the source. What the import dropped (points that no cell used, flat
-//! and duplicate cells) is gone; the others keep their order. Cells that it turned are turned back. Points are those of the
-//! source, bit for bit. (A store of an older version gives them to within 2^-25 of its frame, which is half the longest
-//! side of the mesh's box, rounded up to a power of two.)
+//! The store has the source index of each vertex and cell. Points and cells dropped by the import (points that no cell used, flat and
+//! duplicate cells) are missing; the others keep their order. Cells with reversed orientation are reversed back. Points are those of the
+//! source, bit for bit. (A store of an older version gives them to within 2^-25 of its frame, which is half the longest side of the mesh's
+//! box, rounded up to a power of two.)
 
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, FieldInfo, FieldSelector, SeriesSource, TimeAxis};
@@ -16,17 +16,17 @@ pub struct StoredSeries<'a> {
     store: &'a Store,
     mesh: RawMesh,
     fields: Vec<FieldInfo>,
-    /// For each field its components.
+    /// Readers of each field's components.
     readers: Vec<Vec<FieldReader>>,
-    /// For each point of `mesh` the vertex of the store.
+    /// The store's vertex of each point of `mesh`.
     vertices: Vec<u32>,
-    /// A step in the order of the store.
+    /// Values of a step in store order.
     buffer: Mutex<Vec<f32>>,
 }
 
 impl<'a> StoredSeries<'a> {
-    /// The fields that `selectors` name, or all. The components of a vector of which the store has all are one field
-    /// again; its magnitude is then left to the reader of the file, unless it is asked for.
+    /// A source with the fields that `selectors` name, or all. The components of a vector that the store has completely become one field
+    /// again; its magnitude is omitted unless it is selected.
     ///
     /// # Errors
     /// If the mesh cannot be read, or a field does not exist.
@@ -56,14 +56,14 @@ impl<'a> StoredSeries<'a> {
     }
 }
 
-/// A field to be: its name and components.
+/// A field to write: its name and components.
 pub(super) struct Group {
     pub name: String,
-    /// A reader for each component.
+    /// A reader per component.
     pub components: Vec<FieldReader>,
 }
 
-/// The fields asked for, each once, or all.
+/// The selected fields, each once, or all.
 pub(super) fn chosen(store: &Store, selectors: &[FieldSelector]) -> FileResult<Vec<Group>> {
     let all = grouped(store.fields());
     let mut names: Vec<(String, Vec<String>)> = Vec::new();
@@ -91,8 +91,7 @@ pub(super) fn chosen(store: &Store, selectors: &[FieldSelector]) -> FileResult<V
     names.into_iter().map(group).collect()
 }
 
-/// Names of all fields, each with the names of its components in the store. `U:0`, `U:1`, `U:2` and `U:mag`, their norm,
-/// are one field `U`.
+/// Names of all fields, each with the names of its components in the store. `U:0`, `U:1`, `U:2` and their norm `U:mag` are one field `U`.
 fn grouped(fields: &[StoredField]) -> Vec<(String, Vec<String>)> {
     let vector_of = |magnitude: &StoredField| {
         let name = magnitude.name.strip_suffix(":mag")?;
@@ -115,7 +114,7 @@ fn grouped(fields: &[StoredField]) -> Vec<(String, Vec<String>)> {
     groups
 }
 
-/// Indices in the order of their sources.
+/// Indices sorted by their sources.
 fn order_of(sources: &[u32]) -> Vec<u32> {
     let mut order: Vec<u32> = (0_u32..).take(sources.len()).collect();
     order.sort_unstable_by_key(|&i| sources[i as usize]);

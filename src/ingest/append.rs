@@ -2,6 +2,7 @@
 //!
 //! Only steps after the store's last one are added. With codec `vq`, a short block at the end of the store is coded again
 //! together with them, from the values of the source, so that errors do not add up. The result is the store that an
+//! import of all steps at once would have written, except for the rounding of variances ([`Moments::resume`]): a share of 2^-52 for each
 //! append and each step added since the first. What `vq` reports as signal-to-noise depends on them.
 //!
 //! [`Moments::resume`]: crate::moments::Moments::resume

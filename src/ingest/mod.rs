@@ -117,7 +117,7 @@ pub fn ingest(
 /// Checks that the source has the fields and units that `options` names; reads and writes nothing.
 ///
 /// # Errors
-/// Those of [`ingest`] for these options.
+/// The errors of [`ingest`] that these options cause.
 pub fn check_fields(source: &dyn SeriesSource, options: &IngestOptions) -> FileResult<()> {
     plan_fields(source, options).map(|_| ())
 }

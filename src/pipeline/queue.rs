@@ -1,6 +1,6 @@
 //! The queue of requests on their way; only requests of the newest generation are wanted.
 //!
-//! It is all that the threads of a pipeline and the requesting thread share. A request is first *waiting*, then *preparing* (decoded,
+//! It coordinates the threads of a pipeline with the requesting thread. A request is first *waiting*, then *preparing* (decoded,
 //! ordered, ready to be rendered), then *rendering*, then *rendered* until its frame is taken. At most [`PREPARATIONS`] are preparing:
 //! memory does not grow however fast requests come.
 //!
@@ -56,7 +56,7 @@ pub struct Preparations {
 pub(super) enum Before {
     /// All are kept, and come first.
     Keep,
-    /// Those not yet being rendered are dropped, and one with previews; but if no other is being rendered, the next one to be is kept.
+    /// Requests not yet being rendered are dropped, and one with previews; but if no other is being rendered, the next one to be is kept.
     /// Otherwise requests that come faster than they can be prepared would never bring a frame.
     DropPrepared,
     /// All are dropped.
@@ -237,7 +237,7 @@ mod tests {
     use crossbeam::channel::{RecvTimeoutError, bounded};
     use std::time::Duration;
 
-    /// What ends the wait of the second of two requests that are prepared, and how it ends.
+    /// Whether the second of two prepared requests gets its turn when `end` ends its wait.
     fn wait_ends(end: impl FnOnce(&Queue, &Ticket, &FrameRequest)) -> bool {
         let (series, queue) = (jet(), Queue::default());
         let camera = Camera::default_for(series.mesh().positions.world_bounds()).unwrap();

@@ -1,13 +1,13 @@
-//! What is drawn on an image: coverage and rectangles, composited over premultiplied pixels.
+//! Masks and rectangles, composited over premultiplied pixels.
 
 use crate::image::RgbaImage;
 
 /// Colour of lines and letters, and of the thin halo that keeps them legible over anything.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Ink {
-    /// Letters, display-referred.
+    /// Colour of letters, display-referred.
     pub(super) text: [f32; 3],
-    /// What surrounds them.
+    /// Colour of the halo, display-referred.
     pub(super) halo: [f32; 3],
 }
 
@@ -15,7 +15,7 @@ pub(super) struct Ink {
 const EQUAL_CONTRAST_LUMINANCE: f32 = 0.179;
 
 impl Ink {
-    /// White on dark backgrounds, black on light ones and on none: transparent images end up on paper more often.
+    /// White on dark backgrounds, black on light and transparent ones: transparent images mostly end up on paper.
     pub(super) fn over(background: Option<[f32; 3]>) -> Self {
         // WCAG 2.1, "relative luminance".
         let linear = |c: f32| if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
@@ -26,22 +26,22 @@ impl Ink {
     }
 }
 
-/// How much of each pixel is covered, 0..=1, in a rectangle.
+/// Coverage of each pixel of a rectangle, 0..=1.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Mask {
-    /// Column of the left pixels.
+    /// Left column.
     pub(super) left: i64,
-    /// Row of the top pixels.
+    /// Top row.
     pub(super) top: i64,
     /// Pixels per row.
     pub(super) width: usize,
-    /// Rows.
+    /// Number of rows.
     pub(super) height: usize,
-    /// Top row first.
+    /// Coverage by row, from the top.
     pub(super) coverage: Vec<f32>,
 }
 
-/// Pixels from (left, top) to before (right, bottom).
+/// Pixels from (left, top) up to, but excluding, (right, bottom).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct RectPx {
     pub(super) left: i64,
@@ -51,7 +51,7 @@ pub(super) struct RectPx {
 }
 
 impl RectPx {
-    /// Larger by `by` pixels on each side.
+    /// The rectangle with `by` more pixels on each side.
     pub(super) fn grown(self, by: i64) -> Self {
         Self { left: self.left - by, top: self.top - by, right: self.right + by, bottom: self.bottom + by }
     }
@@ -63,7 +63,7 @@ impl Mask {
         Self { left, top, width, height, coverage: vec![0.0; width * height] }
     }
 
-    /// Covers a pixel by `c` more; those outside are ignored.
+    /// Adds `c` to the coverage of a pixel; pixels outside are ignored.
     pub(super) fn add(&mut self, x: i64, y: i64, c: f32) {
         if let Some(i) = self.index(x, y) {
             self.coverage[i] = (self.coverage[i] + c).clamp(0.0, 1.0);
@@ -79,7 +79,7 @@ impl Mask {
         self.index(x, y).map_or(0.0, |i| self.coverage[i])
     }
 
-    /// This mask with everything covered that is within `radius_px` of what it covers.
+    /// This mask dilated by `radius_px`.
     fn dilated(&self, radius_px: f32) -> Mask {
         let reach = radius_px.ceil() as i64;
         let grow = 2 * reach as usize;
@@ -91,7 +91,7 @@ impl Mask {
         for (i, &c) in self.coverage.iter().enumerate().filter(|(_, c)| **c > 0.0) {
             let (x, y) = (self.left + (i % self.width) as i64, self.top + (i / self.width) as i64);
             let neighbours = [(x - 1, y), (x + 1, y), (x, y - 1), (x, y + 1)];
-            // What lies inside a letter reaches nothing that its edge does not.
+            // The inside of a letter reaches no further than its edge.
             let is_inner = c == 1.0 && neighbours.iter().all(|&(x, y)| self.at(x, y) == 1.0);
             let stamp = if is_inner { &[(0, 0, 1.0)] } else { disc.as_slice() };
             for &(dx, dy, weight) in stamp {
@@ -126,8 +126,8 @@ pub(super) fn fill(image: &mut RgbaImage, rect: RectPx, rgb: [f32; 3]) {
     }
 }
 
-/// A colour of that opacity over one pixel (Porter and Duff, "over", premultiplied). Outside of the image, and where the
-/// opacity is zero, nothing happens.
+/// Composites a colour of that opacity over one pixel (Porter and Duff, "over", premultiplied). Pixels outside of the image and zero
+/// opacities are ignored.
 fn composite(image: &mut RgbaImage, x: i64, y: i64, rgb: [f32; 3], alpha: f32) {
     let (Ok(x), Ok(y)) = (usize::try_from(x), usize::try_from(y)) else { return };
     if x >= image.width || y >= image.height || alpha <= 0.0 {

@@ -1,4 +1,4 @@
-//! The colour bar: where its parts are, and drawing them.
+//! The colour bar: its layout and drawing.
 
 use super::canvas::{Ink, RectPx, fill};
 use super::text::{self, CAPITAL_HEIGHT_EM};
@@ -7,18 +7,18 @@ use super::{Label, Sizes};
 use crate::image::RgbaImage;
 use crate::transfer::{ColorMap, MappedRange};
 
-/// Fewest lines of text that a bar is as high as.
+/// Least height of a bar, in lines of text.
 const BAR_LINES_MIN: f32 = 4.0;
 
 /// Largest share of the image's width for the legend.
 const WIDTH_SHARE_MAX: f32 = 0.4;
 
-/// A colour bar that fits: upright, at the right side of the image.
+/// A colour bar that fits: vertical, at the right side of the image.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Legend {
-    /// The colours, without the line around them.
+    /// The coloured rectangle, without its outline.
     pub(super) bar: RectPx,
-    /// Field and unit, factor, and numbers.
+    /// Labels for field and unit, factor, and numbers.
     pub(super) labels: Vec<Label>,
     /// Rows of the tick marks' centres.
     pub(super) marks: Vec<i64>,
@@ -48,7 +48,7 @@ impl Legend {
             baseline += sizes.line_px;
         }
         let has_lines = !labels.is_empty();
-        // Numbers reach half a line above and below the bar.
+        // The numbers extend half a line above and below the bar.
         let bar_top = if has_lines { baseline - 0.4 * sizes.line_px } else { top + 0.5 * sizes.line_px };
         let bar_bottom = bottom - 0.5 * sizes.line_px;
         if bar_bottom - bar_top < BAR_LINES_MIN * sizes.line_px {
@@ -65,7 +65,7 @@ impl Legend {
         Some(legend)
     }
 
-    /// A mark per tick, and a label unless it would touch the one below it.
+    /// Adds a mark per tick, and its label unless that would touch the one below.
     fn place_ticks(&mut self, found: &Ticks, range: &MappedRange, sizes: &Sizes, x: i64) {
         let height = (self.bar.bottom - self.bar.top) as f64;
         let mut free_below = f64::INFINITY;
@@ -82,8 +82,8 @@ impl Legend {
         }
     }
 
-    /// Draws it. The bar has the map's colours as they are, opaque, as ParaView's has: opacity depends on distance in a
-    /// volume, and a bar has no depth.
+    /// Draws the legend. The bar has the map's colours, opaque, as in ParaView: opacity depends on distance in a volume, and a bar has no
+    /// depth.
     pub(super) fn draw(&self, image: &mut RgbaImage, map: &ColorMap, ink: Ink, sizes: &Sizes) {
         let line = sizes.stroke_px;
         let mark = |row: i64| RectPx {

@@ -1,14 +1,13 @@
 //! Time, legend and title, drawn onto frames.
 //!
-//! [`Annotations`] says which parts are wanted; an [`Annotator`] knows what they say for one series and draws them over
-//! frame after frame: [`Annotator::draw`] composites onto raw accumulators (premultiplied, display-referred), so whatever
-//! is made of the colour plane afterwards, PNG with or without alpha, a movie or EXR, has the same annotations. Depth stays
-//! as it is.
+//! [`Annotations`] selects the parts; an [`Annotator`] holds their texts for one series and draws them over its frames: [`Annotator::draw`]
+//! composites onto raw accumulators (premultiplied, display-referred), so every output of the colour plane, PNG with or without alpha, a
+//! movie or EXR, has the same annotations. Depth is unchanged.
 //!
-//! Text is 1/36 of the image's height (of three quarters of its width, if that is less) and at least 11 pixels. What does
-//! not fit at that size is left out: the legend first (if fewer than four lines of text are left for the bar, or its
-//! numbers need more than 2/5 of the width), then the title (if it and the time do not fit one above the other, or a few
-//! letters do not fit beside each other), the time last. Texts other than numbers are shortened with an ellipsis.
+//! Text is 1/36 of the image's height (of three quarters of its width, if that is less) and at least 11 pixels. Parts that do not fit at
+//! that size are left out: the legend first (if fewer than four lines of text are left for the bar, or its numbers need more than 2/5 of
+//! the width), then the title (if it and the time do not fit one above the other, or a few letters side by side), the time last. Texts
+//! other than numbers are shortened with an ellipsis.
 
 mod canvas;
 mod legend;
@@ -23,26 +22,26 @@ use legend::Legend;
 use std::str::FromStr;
 use time::{PREFIX, TimeFormat};
 
-/// Which annotations are wanted.
+/// Selection of annotations.
 ///
 /// As text: `time`, `legend`, `title` or `title=TEXT`, separated by commas. A text may contain commas,
 /// unless one of these words follows.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Annotations {
-    /// The time, bottom left.
+    /// Whether to draw the time, bottom left.
     pub time: bool,
-    /// Colour bar with field and unit, right.
+    /// Whether to draw the colour bar with field and unit, right.
     pub legend: bool,
     /// The title, top centre.
     pub title: Option<Title>,
 }
 
-/// What the title says.
+/// The text of the title.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Title {
     /// Field and dataset.
     FieldAndDataset,
-    /// This.
+    /// A given text.
     Text(String),
 }
 
@@ -76,7 +75,7 @@ impl FromStr for Annotations {
     }
 }
 
-/// What annotations say about a series.
+/// The texts about a series in its annotations.
 #[derive(Clone, Copy, Debug)]
 pub struct AboutSeries<'a> {
     /// Name of the dataset.
@@ -91,14 +90,14 @@ pub struct AboutSeries<'a> {
     pub time_units: Option<&'a str>,
 }
 
-/// The colours of a frame: the map as it is, opaque, and the scalars that it covers.
+/// The colours of a frame: its colour map, opaque, and the range that it covers.
 ///
-/// A [`NodeTable`](crate::node_table::NodeTable) would not do: where nothing is seen, it has no colours.
+/// A [`NodeTable`](crate::node_table::NodeTable) has no colours where it is transparent.
 #[derive(Clone, Copy, Debug)]
 pub struct ColorScale<'a> {
-    /// Colours over 0..=1.
+    /// Colour map over 0..=1.
     pub map: &'a ColorMap,
-    /// The scalars at 0..=1.
+    /// Range of the scalars at 0..=1.
     pub range: MappedRange,
 }
 
@@ -113,7 +112,7 @@ pub struct Annotator {
 }
 
 impl Annotator {
-    /// For frames over `background` (display-referred; `None` if they stay transparent).
+    /// An annotator for frames over `background` (display-referred; `None` if they stay transparent).
     pub fn new(annotations: &Annotations, about: &AboutSeries<'_>, background: Option<[f32; 3]>) -> Self {
         let field = match about.units.filter(|units| !units.is_empty()) {
             Some(units) => format!("{} [{units}]", about.field),
@@ -131,7 +130,7 @@ impl Annotator {
         }
     }
 
-    /// Draws over an image of raw accumulators. Pixels that no letter, line or halo touches keep every bit.
+    /// Draws over an image of raw accumulators. Pixels outside of letters, lines and halos are unchanged, bit for bit.
     pub fn draw(&self, image: &mut RgbaImage, time: f64, colors: &ColorScale<'_>) {
         let sizes = Sizes::of(image.width, image.height);
         let layout = self.layout(&sizes, time, colors);
@@ -141,7 +140,7 @@ impl Annotator {
         layout.labels.iter().for_each(|label| label.draw(image, self.ink, &sizes));
     }
 
-    /// Where everything is that fits.
+    /// The layout of all parts that fit.
     fn layout(&self, sizes: &Sizes, time: f64, colors: &ColorScale<'_>) -> Layout {
         let mut layout = Layout::default();
         let (mut top, mut bottom) = (sizes.margin_px, sizes.height_px - sizes.margin_px);
@@ -163,7 +162,7 @@ impl Annotator {
             top += 1.25 * sizes.line_px + sizes.margin_px;
         }
         if let Some(title) = &self.legend {
-            // Centred, and no higher than it needs to be.
+            // Centred vertically, and no higher than needed.
             let (top, bottom) = (top.max(0.12 * sizes.height_px), bottom.min(0.88 * sizes.height_px));
             layout.legend = Legend::place(title, &colors.range, sizes, top, bottom);
         }
@@ -171,7 +170,7 @@ impl Annotator {
     }
 }
 
-/// The time's prefix, its number at the right end of its place, and what follows; `None` if they are wider than the image.
+/// The prefix of the time, its number aligned right, and its suffix; `None` if they are wider than the image.
 fn time_labels(format: &TimeFormat, sizes: &Sizes, time: f64) -> Option<[Label; 3]> {
     let size_px = sizes.text_px;
     let number = format.number(time);
@@ -187,14 +186,14 @@ fn time_labels(format: &TimeFormat, sizes: &Sizes, time: f64) -> Option<[Label; 
     Some([label(PREFIX, sizes.margin_px), label(&number, number_x), label(format.suffix(), number_end)])
 }
 
-/// What is drawn on an image, apart from its colours.
+/// The layout of all parts, without colours.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Layout {
     labels: Vec<Label>,
     legend: Option<Legend>,
 }
 
-/// A line of text and where its pen starts.
+/// A line of text and its pen position.
 #[derive(Clone, Debug, PartialEq)]
 struct Label {
     text: String,
@@ -209,27 +208,27 @@ impl Label {
     }
 }
 
-/// Lengths that depend on the size of the image.
+/// Lengths derived from the size of the image.
 #[derive(Clone, Copy, Debug)]
 struct Sizes {
     width_px: f32,
     height_px: f32,
-    /// One em.
+    /// Font size: one em.
     text_px: f32,
-    /// From baseline to baseline.
+    /// Line spacing, from baseline to baseline.
     line_px: f32,
-    /// Free space at the sides of the image.
+    /// Margin at the sides of the image.
     margin_px: f32,
-    /// How far halos reach.
+    /// Radius of halos.
     halo_px: f32,
     /// Thickness of lines.
     stroke_px: i64,
 }
 
-/// Text is this share of the height.
+/// Text height as a share of the image's height.
 const TEXT_SHARE: f32 = 1.0 / 36.0;
 
-/// The smallest text that can be read without hinting.
+/// The smallest font size that is legible without hinting.
 const TEXT_PX_MIN: f32 = 11.0;
 
 impl Sizes {

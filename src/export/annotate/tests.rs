@@ -77,7 +77,7 @@ fn the_bar_has_the_colours_of_the_map_and_of_the_table_where_its_ticks_are() {
         assert_eq!(found.ticks.len(), legend.marks.len());
         for (tick, &row) in found.ticks.iter().zip(&legend.marks) {
             let drawn = image.pixels[row as usize * 1024 + legend.bar.left as usize + 3];
-            // The centre of the row is at most one row from the tick; the map's slope says how much colour that is.
+            // The centre of the row is at most one row from the tick; the map's slope bounds the colour difference.
             let position = range.position_of(tick.scalar);
             let row_height = 1.0 / (legend.bar.bottom - legend.bar.top) as f64;
             let around = [position - row_height, position + row_height].map(|p| map.eval(p));
@@ -88,7 +88,7 @@ fn the_bar_has_the_colours_of_the_map_and_of_the_table_where_its_ticks_are() {
             }
             assert_eq!(drawn[3], 1.0);
         }
-        // A bar that is upside down would be noticed.
+        // Detects a bar that is upside down.
         let first = found.ticks[0].scalar;
         let upside_down = map.reversed().eval(range.position_of(first));
         assert!((upside_down[1] - table.eval(first).rgb[1]).abs() > 0.1);
@@ -103,7 +103,7 @@ fn pixels_outside_of_the_annotations_keep_every_bit() {
     let layout = annotator.layout(&sizes, 9.5, &unit_scale());
     let reach = sizes.halo_px.ceil() as i64 + sizes.stroke_px;
     let legend = layout.legend.clone().unwrap();
-    // Of every label the box that its letters may reach: one line high.
+    // The box that the letters of a label may reach: one line high.
     let box_of = |label: &Label| {
         let size = label.size_px.ceil() as i64;
         let width = text::width_px(&label.text, label.size_px).ceil() as i64;
@@ -132,7 +132,7 @@ fn the_time_stays_in_its_place_over_the_series() {
     let places: HashSet<(i64, i64, i64)> = TIMES
         .map(|t| {
             let labels = annotator.layout(&sizes, t, &unit_scale()).labels;
-            // Right ends are compared after rounding to whole pixels, since pens start on whole pixels.
+            // Right ends are compared after rounding, since pens start on whole pixels.
             let end = labels[1].x as f32 + text::width_px(&labels[1].text, sizes.text_px);
             (labels[0].x, end.round() as i64, labels[2].x)
         })

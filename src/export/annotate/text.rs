@@ -1,4 +1,4 @@
-//! One line of text as coverage of pixels, in the font that comes with the program.
+//! Renders one line of text to pixel coverage, in the font that comes with the program.
 //!
 //! The font is not hinted, so widths are proportional to the size; its digits are all equally wide.
 
@@ -11,10 +11,10 @@ static FONT: LazyLock<FontRef<'static>> = LazyLock::new(|| {
     FontRef::try_from_slice(bytes).expect("the font is part of the program, and a test reads it")
 });
 
-/// What a shortened text ends with.
+/// End of a shortened text.
 const ELLIPSIS: char = '…';
 
-/// Size of the font per height of a capital letter or digit.
+/// Font size in ems per height of a capital letter or digit.
 pub(super) const CAPITAL_HEIGHT_EM: f32 = 0.73;
 
 /// The scale at which one em is `size_px` high; `ab_glyph` counts from ascent to descent.
@@ -23,13 +23,13 @@ fn scale(size_px: f32) -> PxScale {
     PxScale::from(size_px * FONT.height_unscaled() / em)
 }
 
-/// The glyphs of a text and where their pens are, in pixels; the last number is the width of all.
+/// The glyphs of a text and their pen positions, in pixels; the last number is the total width.
 fn place(text: &str, size_px: f32) -> (Vec<(GlyphId, f32)>, f32) {
     let font = FONT.as_scaled(scale(size_px));
     let mut glyphs: Vec<(GlyphId, f32)> = Vec::new();
     let mut pen = 0.0;
     for c in text.chars() {
-        // A character that the font lacks is glyph 0, a box; line breaks and tabs are no characters to be seen.
+        // A character that the font lacks is glyph 0, a box; control characters become spaces.
         let glyph = font.glyph_id(if c.is_control() { ' ' } else { c });
         if let Some(&(before, _)) = glyphs.last() {
             pen += font.kern(before, glyph);
@@ -45,7 +45,7 @@ pub(super) fn width_px(text: &str, size_px: f32) -> f32 {
     place(text, size_px).1
 }
 
-/// The text, or as much of its beginning as fits `most_px` with an ellipsis behind it; `None` if not even two letters do.
+/// The text, or its longest beginning that fits `most_px` with an ellipsis; `None` if not even two letters fit.
 pub(super) fn shorten(text: &str, size_px: f32, most_px: f32) -> Option<String> {
     if width_px(text, size_px) <= most_px {
         return Some(text.to_owned());
@@ -56,7 +56,7 @@ pub(super) fn shorten(text: &str, size_px: f32, most_px: f32) -> Option<String> 
         head.push(ELLIPSIS);
         head
     };
-    // Bisection: texts grow with the number of characters (kerning takes back less than a letter adds).
+    // Bisection: the width grows with the number of characters (kerning takes back less than a letter adds).
     let (mut fits, mut too_many) = (1, text.chars().count());
     while too_many - fits > 1 {
         let middle = fits + (too_many - fits) / 2;
@@ -65,7 +65,7 @@ pub(super) fn shorten(text: &str, size_px: f32, most_px: f32) -> Option<String> 
     (fits > 1).then(|| shortened(fits))
 }
 
-/// Coverage of a line whose pen starts at (0, 0), on the baseline.
+/// Coverage of a line whose pen starts at (0, 0) on the baseline.
 pub(super) fn coverage(text: &str, size_px: f32) -> Mask {
     let scale = scale(size_px);
     let outline = |(glyph, pen): (GlyphId, f32)| -> Option<OutlinedGlyph> {

@@ -1,4 +1,4 @@
-//! Places on a colour bar that deserve a label, and the labels.
+//! Ticks of a colour bar, and their labels.
 //!
 //! A tick of a linear range is an integer n times 10^e, with the same e for all; labels are made from the integers, so that
 //! they are exact however large or small the scalars. The step is 1, 2 or 5 times a power of ten, the one whose number of
@@ -7,26 +7,26 @@
 
 use crate::transfer::MappedRange;
 
-/// A labelled place.
+/// A labelled scalar on the colour bar.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Tick {
-    /// Within the range.
+    /// A scalar within the range.
     pub(crate) scalar: f64,
-    /// The number that is drawn, to be multiplied by the factor of [`Ticks`].
+    /// The number drawn, to be multiplied by the factor of [`Ticks`].
     pub(crate) label: String,
 }
 
 /// The ticks of a range.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Ticks {
-    /// Strictly increasing.
+    /// Ticks with strictly increasing scalars.
     pub(crate) ticks: Vec<Tick>,
-    /// Exponent of the power of ten that all labels are to be multiplied by: 0, or a multiple of three.
+    /// Exponent of the power of ten by which all labels are multiplied: 0, or a multiple of three.
     pub(super) factor_exponent: i32,
 }
 
 impl Ticks {
-    /// What all numbers are to be multiplied by, in words; empty if it is one.
+    /// Text of the factor of all labels; empty if it is one.
     pub(crate) fn factor(&self) -> String {
         if self.factor_exponent == 0 { String::new() } else { format!("× {}", power_of_ten(self.factor_exponent)) }
     }
@@ -35,17 +35,17 @@ impl Ticks {
 /// Fewest and most ticks.
 const COUNT: std::ops::RangeInclusive<usize> = 3..=8;
 
-/// The number that is aimed at.
+/// Number of ticks aimed at.
 const COUNT_AIM: usize = 5;
 
-/// Largest number of steps between zero and an end of the range. Beyond it labels would have more digits than anybody
-/// reads, and soon more than a double has.
+/// Largest number of steps between zero and an end of the range. Beyond it labels would be too long to read, and soon exceed the digits of
+/// a double.
 const STEPS_MAX: f64 = 1e12;
 
 /// Labels are plain numbers if the largest is from 10^-2 to below 10^5; otherwise a factor is taken out.
 const PLAIN_EXPONENTS: std::ops::RangeInclusive<i32> = -2..=4;
 
-/// The ticks of a range: 3 to 8, but its two ends if it is too narrow for its distance from zero.
+/// The ticks of a range: 3 to 8, or its two ends if it is too narrow for its distance from zero.
 ///
 /// Log-spaced ranges get powers of ten (every second, third... of them if they are many), those with fewer than three of
 /// them 1, 2 and 5 times powers of ten, and those with fewer than three of these the ticks of a linear range.
@@ -57,7 +57,7 @@ pub(crate) fn ticks(range: &MappedRange) -> Ticks {
     })
 }
 
-/// n times 10^e, the double nearest to it.
+/// The double nearest to n times 10^e.
 fn decimal(n: i64, exponent: i32) -> f64 {
     format!("{n}e{exponent}").parse().unwrap_or(f64::NAN)
 }
@@ -70,7 +70,7 @@ fn multiples(range: &MappedRange, m: i64, exponent: i32) -> Option<Vec<i64>> {
         return None;
     }
     let inside = |&n: &i64| (range.lo()..=range.hi()).contains(&decimal(n, exponent));
-    // The quotients are rounded; which multiples are inside is decided by the ticks themselves.
+    // The quotients are rounded; the ticks themselves decide which multiples are inside.
     Some((first.ceil() as i64 - 1..=last.floor() as i64 + 1).map(|k| k * m).filter(inside).collect())
 }
 
@@ -90,12 +90,12 @@ fn linear_ticks(range: &MappedRange) -> Option<Ticks> {
     ticks.windows(2).all(|t| t[0].scalar < t[1].scalar).then_some(Ticks { ticks, factor_exponent })
 }
 
-/// Exponent of the factor to take out of numbers of which the largest has this exponent.
+/// Exponent of the factor to take out of numbers whose largest has this exponent.
 pub(super) fn factor_exponent(largest_exponent: i32) -> i32 {
     if PLAIN_EXPONENTS.contains(&largest_exponent) { 0 } else { largest_exponent.div_euclid(3) * 3 }
 }
 
-/// n times 10^e in digits.
+/// Decimal digits of n times 10^e.
 fn fixed_point(n: i64, exponent: i32) -> String {
     let sign = if n < 0 { "−" } else { "" };
     let digits = n.unsigned_abs().to_string();

@@ -1,7 +1,7 @@
 use super::*;
 use proptest::prelude::*;
 
-/// The number that a label stands for, read without the code that wrote it, as digits for `parse`.
+/// The number that a label stands for, parsed independently, as digits for `parse`.
 fn read(label: &str, factor_exponent: i32) -> (f64, f64) {
     let plain = |c: char| match c {
         '−' | '⁻' => '-',

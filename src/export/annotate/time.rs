@@ -1,36 +1,36 @@
-//! The time of a frame as text that is equally wide over the whole series.
+//! The time of a frame as text of constant width over a series.
 
 use super::text;
 use super::ticks::{factor_exponent, power_of_ten};
 
-/// How the times of a series are written.
+/// The format of the times of a series.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct TimeFormat {
-    /// Digits behind the point.
+    /// Digits after the decimal point.
     decimals: usize,
     /// Times are shown divided by ten to this power.
     factor_exponent: i32,
-    /// What follows the number: factor and unit.
+    /// Text after the number: factor and unit.
     suffix: String,
-    /// Width of the widest number of the series, per em.
+    /// Width of the widest number of the series, in ems.
     number_width_em: f32,
 }
 
-/// What stands in front of the number.
+/// Text before the number.
 pub(super) const PREFIX: &str = "t = ";
 
-/// Rounding may move a time by this share of the least distance of two neighbours, so that equal steps look equal. Two
-/// neighbours then differ by at least 1 - 2/50 of that distance: they are told apart.
+/// Rounding may move a time by this share of the least distance of two neighbours, so that equal steps look equal. Two neighbours then
+/// differ by at least 1 - 2/50 of that distance, and stay distinct.
 const ROUNDING_SHARE: f64 = 1.0 / 50.0;
 
-/// Digits that tell any two doubles apart.
+/// Digits that distinguish any two doubles.
 const DIGITS_MAX: i32 = 17;
 
-/// A number of ems at which widths are measured; they are proportional to the size.
+/// Font size in pixels at which widths are measured; they are proportional to it.
 const MEASURED_AT_PX: f32 = 100.0;
 
 impl TimeFormat {
-    /// As many decimals as tell neighbouring times apart. `times` increase; the unit may be unknown.
+    /// A format with enough decimals to distinguish neighbouring times. `times` increase; the unit may be unknown.
     pub(super) fn new(times: &[f64], units: Option<&str>) -> Self {
         let largest = times.iter().fold(0.0_f64, |most, t| most.max(t.abs()));
         let largest_exponent = if largest > 0.0 { largest.log10().floor() as i32 } else { 0 };
@@ -44,7 +44,7 @@ impl TimeFormat {
             suffix = format!("{suffix} {units}");
         }
         let mut format = Self { decimals: 0, factor_exponent, suffix, number_width_em: 0.0 };
-        // A series of one step has no gaps: its time is shown with six digits at most.
+        // A series of one step has no gaps: its time has six digits at most.
         let tolerance = if least_gap.is_finite() { least_gap * ROUNDING_SHARE } else { largest * 1e-6 };
         let decimals_max = (DIGITS_MAX - 1 - (largest_exponent - factor_exponent)).max(0) as usize;
         let is_off = |format: &Self, t: f64| (format.read(&format.number(t)) - t).abs() > tolerance;
@@ -58,7 +58,7 @@ impl TimeFormat {
 
     /// The number of a time, without factor and unit.
     pub(super) fn number(&self, time: f64) -> String {
-        // Through decimal text, so that dividing by the factor rounds nothing: 17 digits are exact.
+        // Via decimal text, so that dividing by the factor does not round: 17 digits are exact.
         let text = format!("{time:.16e}");
         let (mantissa, exponent) = text.split_once('e').unwrap_or((&text, "0"));
         let exponent = exponent.parse::<i32>().unwrap_or(0) - self.factor_exponent;
@@ -68,17 +68,17 @@ impl TimeFormat {
         if is_zero { number.replace('-', "") } else { number.replace('-', "−") }
     }
 
-    /// The time that a number stands for.
+    /// Parses a formatted number back into a time.
     fn read(&self, number: &str) -> f64 {
         format!("{}e{}", number.replace('−', "-"), self.factor_exponent).parse().unwrap_or(f64::NAN)
     }
 
-    /// What follows the number.
+    /// Text after the number: factor and unit.
     pub(super) fn suffix(&self) -> &str {
         &self.suffix
     }
 
-    /// Pixels that every number of the series gets, at `size_px` per em.
+    /// Width reserved for each number of the series, at `size_px` per em.
     pub(super) fn number_width_px(&self, size_px: f32) -> f32 {
         self.number_width_em * size_px
     }
@@ -135,7 +135,7 @@ mod tests {
             let numbers: Vec<String> = times.iter().map(|&t| format.number(t)).collect();
             prop_assert!(numbers.windows(2).all(|n| n[0] != n[1]), "{times:?} {numbers:?}");
             for number in &numbers {
-                // Widths add up glyph by glyph in f32: 2^-20 of them is more than twenty roundings.
+                // Widths are sums over glyphs in f32: 2^-20 of them is more than twenty roundings.
                 let width = text::width_px(number, 20.0);
                 prop_assert!(width <= format.number_width_px(20.0) * (1.0 + 1e-6));
             }

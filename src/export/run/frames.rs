@@ -1,4 +1,4 @@
-//! Frames of a plan, from the pipeline to their files.
+//! Rendering and writing the frames of a plan.
 
 use super::plan::{Plan, PlannedFrame};
 use super::resume::{self, Fingerprints, Found};
@@ -16,15 +16,15 @@ use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// A run, with what is written into its images.
+/// A run and the metadata of its images.
 pub(super) struct Job<'a> {
     pub(super) run: &'a Run,
-    /// Of images only.
+    /// Fingerprints of the frames; `None` for a movie.
     pub(super) fingerprints: Option<Fingerprints>,
 }
 
 impl Job<'_> {
-    /// Renders all frames; what was begun is finished or undone, whatever happens.
+    /// Renders all frames; files that were begun are finished or removed in any case.
     pub(super) fn run(
         &self,
         scene: &mut Scene,
@@ -44,7 +44,7 @@ impl Job<'_> {
         Ok(records)
     }
 
-    /// Renders on a pipeline of its own, which the scene has back afterwards.
+    /// Renders on a separate pipeline, which is handed back to the scene afterwards.
     fn render_all(
         &self,
         scene: &mut Scene,
@@ -53,7 +53,7 @@ impl Job<'_> {
     ) -> Result<Vec<FrameRecord>, RunError> {
         let series = scene.pipeline.series().clone();
         let pipeline = std::mem::replace(&mut scene.pipeline, Pipeline::new(series));
-        // No frame of a run is asked for twice but those that are repeated here.
+        // A run requests no frame twice, except the repeated ones below.
         let options = PipelinedOptions { frame_cache_bytes: 0, ..Default::default() };
         let pipelined = Pipelined::start(pipeline, &options, || ())?;
         let rendered = self.render_on(&pipelined, scene, sink, progress);
@@ -72,9 +72,9 @@ impl Job<'_> {
         let mut records = Vec::with_capacity(frames.len());
         let mut on_their_way: VecDeque<Pending> = VecDeque::with_capacity(AHEAD);
         let (mut asked, mut refused, mut has_older) = (0, None, false);
-        // What was asked for last, and how it comes about.
+        // The last requested frame and its origin.
         let mut last: Option<(Origin, FrameRequest)> = None;
-        // A moment that is held while nothing moves is rendered once.
+        // The last frame, kept to be repeated.
         let mut held: Option<SharedFrame> = None;
         while records.len() < frames.len() {
             check(scene.cancel())?;
@@ -96,7 +96,7 @@ impl Job<'_> {
                 asked += 1;
             }
             pipelined.expect(&self.run.plan.steps_from(records.len(), EXPECTED));
-            // What cannot be asked for fails in its turn: the frames before it are written.
+            // An invalid request fails in its turn: the frames before it are written.
             let Some(pending) = on_their_way.pop_front() else { break };
             let stats = match pending.origin {
                 Origin::Kept | Origin::Repeated => None,
@@ -121,7 +121,7 @@ impl Job<'_> {
         refused.map_or(Ok(records), Err)
     }
 
-    /// Asks for a frame, unless it is in its file already or the same as the one before it.
+    /// Requests a frame, unless its file has it already or it equals the previous one.
     fn ask(
         &self,
         index: usize,
@@ -149,7 +149,7 @@ impl Job<'_> {
             _ => Origin::Rendered,
         };
         if origin == Origin::Rendered {
-            // Few are on their way: there is room for this one.
+            // At most a few frames are on their way, so there is room for this one.
             pipelined.push(request.clone()).ok_or(RunError::Full)?;
         }
         let replaces_older = found == Found::Older;
@@ -157,21 +157,21 @@ impl Job<'_> {
     }
 }
 
-/// Frames asked for ahead of the one that is written next: one that is rendered, two that are prepared, one that is done.
+/// Frames requested ahead of the next one to write: one being rendered, two in preparation, one finished.
 const AHEAD: usize = 4;
 
-/// Frames whose steps are read ahead.
+/// Number of frames whose steps are read ahead.
 const EXPECTED: usize = 256;
 
 /// A frame on its way to its file.
 struct Pending {
     index: usize,
     attributes: FrameAttributes,
-    /// What its colours are for.
+    /// Colour map and range for its annotations.
     scale: Option<(ColorMap, MappedRange)>,
     file: PathBuf,
     origin: Origin,
-    /// Whether a frame of an older version is in its place.
+    /// Whether its file has a frame of an older version.
     replaces_older: bool,
 }
 
@@ -191,7 +191,7 @@ impl Pending {
     }
 }
 
-/// The next frame, unless somebody interrupts.
+/// Waits for the next frame, or for cancellation.
 fn wait_for(pipelined: &Pipelined, cancel: &Cancel) -> Result<SharedFrame, RunError> {
     loop {
         check(cancel)?;
@@ -204,12 +204,12 @@ fn wait_for(pipelined: &Pipelined, cancel: &Cancel) -> Result<SharedFrame, RunEr
     }
 }
 
-/// Fails once somebody has cancelled.
+/// Fails if the run was cancelled.
 fn check(cancel: &Cancel) -> Result<(), RunError> {
     if cancel.is_cancelled() { Err(RunError::Cancelled) } else { Ok(()) }
 }
 
-/// The request of a frame: its moment, and the camera turned as far as it is by then.
+/// The request of a frame, with its time and turntable angle.
 fn request_for(scene: &mut Scene, planned: &PlannedFrame) -> Result<FrameRequest, RunError> {
     let mut request = scene.request_at(planned.time, planned.at)?;
     if planned.azimuth_deg != 0.0 {
@@ -218,7 +218,7 @@ fn request_for(scene: &mut Scene, planned: &PlannedFrame) -> Result<FrameRequest
     Ok(request)
 }
 
-/// What is written of a rendered frame, to an image as to a movie.
+/// The written parts of a rendered frame, for images and movies alike.
 fn output_of(frame: &Frame, attributes: FrameAttributes) -> OutputFrame {
     OutputFrame { planes: frame.planes.clone(), attributes }
 }

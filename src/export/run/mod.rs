@@ -1,4 +1,4 @@
-//! [`Run`]: frames of a scene to image files or to a movie, as the command line, a dialog or a server asks for them.
+//! [`Run`]: exports frames of a scene to image files or to a movie, for the command line, a dialog or a server.
 
 mod frames;
 mod plan;
@@ -30,36 +30,36 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::PathBuf;
 
-/// Which frames are rendered, and where they go.
+/// The frames to render, and their output.
 #[derive(Clone, Debug)]
 pub struct Run {
-    /// The frames.
+    /// The frames to render.
     pub plan: Plan,
-    /// Their files.
+    /// The files to write.
     pub output: Output,
-    /// Draws over all frames.
+    /// Draws annotations over all frames.
     pub annotator: Option<Annotator>,
-    /// Whether images that the same request has made are kept.
+    /// Whether existing images of the same request are kept.
     pub resume: bool,
 }
 
-/// How frames become files.
+/// Format of the files.
 #[derive(Clone, Debug)]
 pub enum Output {
-    /// Images, numbered or one.
+    /// Images, numbered or a single one.
     Images {
-        /// Their names.
+        /// File name pattern.
         pattern: FramePattern,
-        /// How they are written.
+        /// How the images are written.
         options: StillOptions,
     },
     /// A movie.
     Movie {
-        /// Its name.
+        /// Path of the movie.
         path: PathBuf,
-        /// Writes it.
+        /// The encoder.
         ffmpeg: Ffmpeg,
-        /// How.
+        /// Size, frame rate, background and texts.
         options: MovieOptions,
     },
 }
@@ -74,72 +74,72 @@ impl Output {
     }
 }
 
-/// How a frame came about.
+/// Origin of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Origin {
-    /// It was rendered.
+    /// The frame was rendered.
     Rendered,
-    /// It is the same as the frame before it.
+    /// It repeats the frame before it.
     Repeated,
-    /// It was in its file already.
+    /// Its file already had it.
     Kept,
 }
 
-/// What became of a frame.
+/// Report of a frame.
 #[derive(Clone, Debug, Serialize)]
 pub struct FrameRecord {
-    /// Its number, from 0.
+    /// Number of the frame, from 0.
     pub frame: usize,
-    /// The step that it shows.
+    /// The step that it shows, or the first of two.
     pub step: usize,
-    /// The step towards which it is interpolated, and the weight of that.
+    /// The second step of an interpolation and its weight.
     pub toward: Option<(usize, f64)>,
     /// Time of the series, in its unit.
     pub time: f64,
-    /// Where it is.
+    /// The file.
     #[serde(serialize_with = "files::serialize_path")]
     pub file: PathBuf,
     /// How it came about.
     pub origin: Origin,
-    /// Whether it shows nothing; `None` of a file that was kept.
+    /// Whether the image is empty; `None` for a file that was kept.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub empty: Option<bool>,
-    /// Counts and times, of rendered frames only.
+    /// Counts and times; rendered frames only.
     pub stats: Option<FrameStats>,
 }
 
-/// Why a run ended early. Frames before are written; of a movie only those before the loss of a GPU are.
+/// Why a run ended early. Earlier images are written; a movie is kept only after the loss of a GPU.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// A request could not be made.
+    /// The request is invalid.
     #[error(transparent)]
     Scene(Box<SceneError>),
     /// A frame could not be rendered.
     #[error(transparent)]
     Pipeline(#[from] PipelineError),
-    /// A file could not be written, or a step not be read.
+    /// A file could not be written, or a step could not be read.
     #[error(transparent)]
     File(#[from] FileError),
     /// The camera cannot turn.
     #[error(transparent)]
     Camera(#[from] CameraError),
-    /// A request has no text, from which its fingerprint is made.
+    /// The request has no text for its fingerprint.
     #[error(transparent)]
     Request(#[from] RequestError),
-    /// What a frame says of itself has no text.
+    /// The metadata of a frame have no text.
     #[error(transparent)]
     Attributes(#[from] serde_json::Error),
     /// Threads could not be started.
     #[error(transparent)]
     Threads(#[from] io::Error),
-    /// The pipeline takes fewer frames than are asked for at a time.
+    /// The pipeline's queue was full.
     #[error("more frames were asked for than the pipeline takes; please report this")]
     Full,
-    /// The pipeline has ended by itself.
+    /// The pipeline has stopped.
     #[error("the pipeline has stopped without a reason; please report this")]
     Stopped,
-    /// Somebody asked to stop.
+    /// The run was cancelled.
     #[error("cancelled")]
     Cancelled,
 }
@@ -160,7 +160,7 @@ impl From<MovieError> for RunError {
 }
 
 impl RunError {
-    /// Whether nothing is wrong but that somebody asked to stop.
+    /// Whether the run was cancelled.
     pub fn is_cancelled(&self) -> bool {
         match self {
             Self::Cancelled | Self::Pipeline(PipelineError::Cancelled) => true,
@@ -169,7 +169,7 @@ impl RunError {
         }
     }
 
-    /// Whether a GPU gave up on the way: nothing is wrong with the frames before.
+    /// Whether a GPU failed on the way: the frames before are valid.
     fn is_device_failure(&self) -> bool {
         use RenderError::{DeviceLost, Gpu};
         matches!(self, Self::Pipeline(PipelineError::Render(DeviceLost { .. } | Gpu { .. })))
@@ -177,10 +177,10 @@ impl RunError {
 }
 
 impl Run {
-    /// Renders all frames; what was begun is finished or undone, whatever happens. The scene's own cancel ends it.
+    /// Renders all frames; files that were begun are finished or removed in any case. The scene's own `cancel` ends the run.
     ///
     /// # Errors
-    /// If a step is damaged, which is found before the first frame is written; else that of the first frame that fails.
+    /// If a step is damaged, which is found before the first frame is written; else the error of the first frame that fails.
     pub fn render(&self, scene: &mut Scene, progress: &dyn Progress) -> Result<Vec<FrameRecord>, RunError> {
         let fields = 1 + scene.look.surfaces.beside.len();
         progress.begin("check", (fields * self.plan.steps.len()) as u64, "steps");
@@ -190,9 +190,9 @@ impl Run {
         let (sink, fingerprints) = match &self.output {
             Output::Movie { path, ffmpeg, options } => (Sink::movie(ffmpeg, path, options)?, None),
             Output::Images { pattern, options } => {
-                // An EXR has room for all planes.
+                // An EXR can store all planes.
                 scene.guides = StillFormat::of(&pattern.path(0)) == Some(StillFormat::Exr);
-                // Units are in the file, drawn or not.
+                // The file stores units, drawn or not.
                 let written_as = format!("{options:?} {:?} {:?}", self.annotator, scene.pipeline.field().units);
                 let fingerprints = Fingerprints::new(scene.pipeline.mesh(), &self.plan, &checksums, &written_as);
                 (Sink::images(*options), Some(fingerprints))
@@ -201,10 +201,10 @@ impl Run {
         Job { run: self, fingerprints }.run(scene, sink, progress)
     }
 
-    /// Reads all steps: half a sequence would look like a whole one. The checksum of each.
+    /// Checks that all steps can be read, since half a sequence would look like a whole one; returns the checksum of each.
     fn check_steps(&self, scene: &Scene, progress: &dyn Progress) -> Result<Vec<u32>, RunError> {
         let mut checksums = scene.pipeline.check_steps(&self.plan.steps, progress, scene.cancel())?;
-        // Fields whose colours surfaces have count as well.
+        // The fields that colour surfaces count as well.
         for of in &scene.look.surfaces.beside {
             let Ok(field) = of.field.parse();
             let other = Pipeline::new(scene.pipeline.series().beside(&field)?);
@@ -216,7 +216,7 @@ impl Run {
     }
 }
 
-/// What the frame of the last request of a scene shows, as frame number `frame` of the run.
+/// The metadata of a scene's last request, as frame number `frame` of the run.
 fn attributes_of(scene: &Scene, request: &FrameRequest, frame: usize) -> FrameAttributes {
     let field = scene.pipeline.field();
     FrameAttributes {
@@ -235,7 +235,7 @@ fn attributes_of(scene: &Scene, request: &FrameRequest, frame: usize) -> FrameAt
     }
 }
 
-/// Which rays a frame has, and how it came to its size, where these are not all and its own.
+/// Rays and enlargement of a frame; empty if it has all of its own rays.
 fn sampling_of(request: &FrameRequest) -> BTreeMap<String, String> {
     let mut says = BTreeMap::new();
     let mut say = |key: &str, value: String| says.insert(key.to_owned(), value);

@@ -1,4 +1,4 @@
-//! Which moments a run shows, and from where.
+//! The times and turntable angles of a run's frames.
 
 use crate::export::movie::FrameRate;
 use crate::field::TimeAxis;
@@ -7,61 +7,61 @@ use crate::pipeline::FrameTime;
 use crate::short::Short;
 use std::fmt;
 
-/// Which moments of a series a run shows.
+/// Selection of the times of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Times {
-    /// Of these steps.
+    /// Range of steps.
     pub steps: StepRange,
-    /// From one time to another, both included: the steps there, or with a duration that part of the series.
+    /// Time range, both ends included: the steps in it, or with a duration that part of the series.
     pub range: Option<(f64, f64)>,
-    /// Frames per second; 25 if none is chosen.
+    /// Frames per second; `None`: 25.
     pub rate: Option<FrameRate>,
-    /// Seconds over which the time range is spread evenly, the first frame and the last at its ends; `None`: a frame for each step.
+    /// Duration in seconds over which the time range is spread evenly, from the first frame to the last; `None`: a frame per step.
     pub duration_s: Option<f64>,
     /// With a duration: scalars between two steps are interpolated linearly; otherwise the last step is held.
     pub interpolate: bool,
-    /// Degrees by which the camera turns around the focal point and the up axis while the frames pass.
+    /// Degrees by which the camera turns around the up axis through the focal point over the run.
     pub turntable_deg: Option<f64>,
 }
 
-/// Times that make no frames.
+/// A selection without valid frames.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PlanError {
-    /// Steps that the series does not have.
+    /// The series does not have these steps.
     #[error(transparent)]
     Steps(#[from] StepRangeError),
     /// No step lies in the time range `range`; the selected ones go from `extent.0` to `extent.1`.
     #[error("no step lies in time {}; the series goes {}", Interval(*.range), FromTo(*.extent))]
     NoStep {
-        /// What was asked for.
+        /// The time range.
         range: (f64, f64),
         /// First and last time of the selected steps.
         extent: (f64, f64),
     },
-    /// No time of the selected steps lies in the time range.
+    /// The selected steps do not cover any time of the range.
     #[error("the series has no time in {}; the series goes {}", Interval(*.range), FromTo(*.extent))]
     NoTime {
-        /// What was asked for.
+        /// The time range.
         range: (f64, f64),
         /// First and last time of the selected steps.
         extent: (f64, f64),
     },
-    /// Fewer than one frame, or more than [`FRAMES_MAX`].
+    /// The duration gives no frame, or more than [`FRAMES_MAX`].
     #[error("{} s at {rate} frames per second are {problem} --duration", Short(.duration_s))]
     Frames {
-        /// Seconds.
+        /// Duration in seconds.
         duration_s: f64,
         /// Frames per second.
         rate: FrameRate,
-        /// What is wrong.
+        /// What is wrong with it.
         problem: String,
     },
-    /// One frame cannot turn.
+    /// A turntable needs more than one frame.
     #[error("one frame cannot turn; give --turntable more of them with --duration or --steps")]
     OneFrame,
 }
 
-/// A time range as it is written.
+/// Formats a time range as an interval.
 struct Interval((f64, f64));
 
 impl fmt::Display for Interval {
@@ -70,7 +70,7 @@ impl fmt::Display for Interval {
     }
 }
 
-/// A time range in words.
+/// Formats a time range in words.
 struct FromTo((f64, f64));
 
 impl fmt::Display for FromTo {
@@ -79,31 +79,31 @@ impl fmt::Display for FromTo {
     }
 }
 
-/// One frame to be.
+/// A planned frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlannedFrame {
-    /// What it shows.
+    /// Time of the series that it shows.
     pub time: FrameTime,
-    /// Where it is on a project's timeline: with `--duration` the time that it stands for, though a step is held.
+    /// Its time on a project's timeline: with `--duration` the exact one, even if a step is held.
     pub at: f64,
-    /// How far the camera has turned, degrees.
+    /// Turntable angle in degrees.
     pub azimuth_deg: f64,
 }
 
-/// The frames of a run.
+/// The planned frames of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// In their order.
+    /// The frames in order.
     pub frames: Vec<PlannedFrame>,
-    /// The steps that they show, ascending.
+    /// The steps that they use, ascending.
     pub steps: Vec<usize>,
 }
 
-/// More output frames than this are a mistake: eleven hours at 25 a second.
+/// Most output frames, as more are a mistake: eleven hours at 25 per second.
 const FRAMES_MAX: usize = 1_000_000;
 
 impl Plan {
-    /// One frame for each of these steps.
+    /// A frame for each of these steps.
     pub fn of_steps(steps: &[usize], times: &TimeAxis) -> Self {
         let frame = |&step: &usize| {
             let time = FrameTime::from(step);
@@ -112,7 +112,7 @@ impl Plan {
         Self { frames: steps.iter().map(frame).collect(), steps: steps.to_vec() }
     }
 
-    /// The steps that `count` frames from frame `first` on show, in their order.
+    /// The steps that `count` frames from frame `first` on use, in order.
     pub fn steps_from(&self, first: usize, count: usize) -> Vec<usize> {
         let moments = self.frames.iter().skip(first).take(count).map(|frame| frame.time);
         moments.flat_map(|time| [Some(time.step()), time.toward().map(|(next, _)| next)]).flatten().collect()
@@ -125,7 +125,7 @@ impl Times {
         self.rate.unwrap_or_default()
     }
 
-    /// Frames that a duration asks for; `None` without one.
+    /// Number of frames for the duration; `None` without one.
     ///
     /// # Errors
     /// If there are none, or too many.
@@ -143,7 +143,7 @@ impl Times {
         Ok(Some(frames as usize))
     }
 
-    /// The frames to render of a series with these times.
+    /// Plans the frames of a series with these times.
     ///
     /// # Errors
     /// If there are none.
@@ -165,7 +165,7 @@ impl Times {
         Ok(plan)
     }
 
-    /// The selected steps that lie in the time range.
+    /// The selected steps in the time range.
     fn steps_within(&self, selected: &[usize], times: &TimeAxis) -> Result<Vec<usize>, PlanError> {
         let Some((from, to)) = self.range else { return Ok(selected.to_vec()) };
         let within: Vec<usize> = selected.iter().copied().filter(|&s| (from..=to).contains(&times.values[s])).collect();
@@ -200,7 +200,7 @@ impl Times {
     }
 }
 
-/// From when to when these steps go.
+/// First and last time of these steps.
 fn extent(selected: &[usize], times: &TimeAxis) -> (f64, f64) {
     let time_of = |step: Option<&usize>| step.map_or(f64::NAN, |&s| times.values[s]);
     (time_of(selected.first()), time_of(selected.last()))
@@ -238,7 +238,7 @@ mod tests {
         assert_eq!((plan.frames.len(), &plan.steps[..]), (5, &[2, 3][..]), "no step lies in the range itself");
         let shown: Vec<f64> = plan.frames.iter().map(|f| f.time.time(&times())).collect();
         for (time, expected) in shown.iter().zip([0.4, 0.45, 0.5, 0.55, 0.6]) {
-            // A few roundings of numbers below 1, 1.1e-16 each. Measured: one.
+            // A few roundings of numbers below 1, 1.1e-16 each (measured: one).
             assert!((time - expected).abs() < 1e-15, "{shown:?}");
         }
     }

@@ -1,9 +1,8 @@
-//! Which frames of a run are there already.
+//! Finding the frames of a run that were already rendered.
 //!
-//! Every image has the fingerprint of what made it: [`VERSION`], and a SHA-256 over the version of tetreel, the text of the request
-//! without its [hints](FrameRequest::without_hints), what the file says of itself (time, field, units), the content of the mesh,
-//! of the steps shown and of what is looked at beside them, and how it is written. A file with the same fingerprint that can be
-//! read to its end is the frame that would be rendered.
+//! Every image has the fingerprint of its inputs: [`VERSION`], and a SHA-256 over the version of tetreel, the text of the request without
+//! its [hints](FrameRequest::without_hints), the file's metadata (time, field, units), checksums of the mesh, of the steps shown and of
+//! further fields, and how it is written. A file with the same fingerprint that can be read to its end is the frame that would be rendered.
 
 use super::RunError;
 use super::plan::{Plan, PlannedFrame};
@@ -17,17 +16,17 @@ use std::cell::RefCell;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What all frames of a run have in common, and the content of its steps.
+/// Common inputs of all frames of a run, and checksums of its steps.
 pub(super) struct Fingerprints {
     common: Sha256,
-    /// The last transfer function of more than the scalar, and its content.
+    /// The last joint transfer function and its checksum.
     joint: RefCell<Option<(Arc<JointTable>, u32)>>,
     /// Steps, ascending, and the checksums of their scalars.
     steps: Vec<(usize, u32)>,
 }
 
 impl Fingerprints {
-    /// `checksums` are those of the plan's steps, in their order; `written_as` is how frames become files.
+    /// `checksums` belong to the plan's steps, in order; `written_as` describes the output format.
     pub(super) fn new(mesh: &Mesh, plan: &Plan, checksums: &[u32], written_as: &str) -> Self {
         let mut common = Sha256::new();
         common.update(FrameAttributes::SOFTWARE);
@@ -55,13 +54,13 @@ impl Fingerprints {
         cancel: &Cancel,
     ) -> Result<String, RunError> {
         let mut hash = self.common.clone();
-        // A table over more than the scalar would be megabytes of text.
+        // The text of a joint table would be megabytes.
         let short = request.clone().with_tets(|tets| tets.table = tets.table.over_scalars().clone().into());
         hash.update(short.without_hints().to_text()?);
         hash.update(serde_json::to_vec(attributes)?);
         if let Some(joint) = request.tets().and_then(|tets| tets.table.joint()) {
             hash.update(self.content(joint).to_le_bytes());
-            // What its rows are of comes from all steps, also from those that are not shown.
+            // Its rows depend on all steps, also on those that are not shown.
             if joint.vertex_axis().len() > 1 {
                 let cov = series.coefficients_of_variation(cancel)?.ok_or(RunError::Cancelled)?;
                 hash.update(crc32c::crc32c(bytemuck::cast_slice(&cov)).to_le_bytes());
@@ -93,21 +92,21 @@ impl Fingerprints {
     }
 }
 
-/// Version of fingerprints: another one says nothing of what the frame is. The first one was not written.
+/// Version of fingerprints: one of another version does not identify a frame. Version 1 is not written as a number.
 const VERSION: u32 = 3;
 
-/// What is in the place of a frame.
+/// State of a frame's file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Found {
-    /// The frame.
+    /// The file has the frame.
     Frame,
-    /// An image that an older version has rendered, and nobody knows of what.
+    /// An image of an older version, with unknown inputs.
     Older,
-    /// Nothing, or something else. A file that cannot be read is that.
+    /// The file is missing, unreadable or another image.
     Other,
 }
 
-/// Whether `file` is a complete image with this fingerprint.
+/// Compares the fingerprint of `file`, if it is a complete image.
 pub(super) fn find(file: &Path, fingerprint: &str) -> Found {
     let found = Some(file).filter(|file| file.is_file()).and_then(|file| read_fingerprint(file).ok().flatten());
     match found {
@@ -147,7 +146,7 @@ mod tests {
     fn what_is_seen_over_all_steps_and_every_value_of_a_joint_count() {
         let [(_one_dir, one), (_other_dir, other)] = [1, 2].map(series);
         let plan = Plan::of_steps(&[1], one.times());
-        // The same mesh and the same scalars of the step that is shown, as far as checksums tell.
+        // The same mesh and the same scalars of the shown step, by checksum.
         let fingerprints = Fingerprints::new(one.mesh(), &plan, &[7], "png");
         let camera = Camera::default_for(one.mesh().positions.world_bounds()).unwrap();
         let table = |rows: &[f64], last: f32| {
@@ -174,7 +173,7 @@ mod tests {
         let camera = Camera::default_for(series.mesh().positions.world_bounds()).unwrap();
         let table = Arc::new(NodeTable::new(vec![Node { scalar: 0.0, rgb: [0.5; 3], tau: 1.0 }]).unwrap());
         let plan = Plan { steps: vec![0, 1, 2], ..Plan::of_steps(&[], series.times()) };
-        // Of a frame at `time`, with these checksums of the steps.
+        // Fingerprint of a frame at `time`, with these checksums of the steps.
         let of = |time: FrameTime, checksums: [u32; 3]| {
             let fingerprints = Fingerprints::new(series.mesh(), &plan, &checksums, "png");
             let frame = PlannedFrame { time, at: 0.0, azimuth_deg: 0.0 };

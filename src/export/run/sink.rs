@@ -1,4 +1,4 @@
-//! Takes the frames of a run in order and writes them.
+//! Writes the frames of a run in order.
 
 use super::RunError;
 use crate::error::FileResult;
@@ -8,26 +8,26 @@ use crate::export::still::{OutputFrame, StillOptions};
 use crate::task::Cancel;
 use std::path::Path;
 
-/// Takes frames in order.
+/// Writer of a run's frames, in order.
 pub(super) enum Sink {
-    /// Images.
+    /// Writes images.
     Images(FrameWriter),
-    /// A movie.
+    /// Writes a movie.
     Movie(Box<MovieWriter>),
 }
 
 impl Sink {
-    /// Images.
+    /// A sink for images.
     pub(super) fn images(options: StillOptions) -> Self {
         Self::Images(FrameWriter::new(options))
     }
 
-    /// A movie at `place`.
+    /// A sink for a movie at `place`.
     pub(super) fn movie(ffmpeg: &Ffmpeg, place: &Path, options: &MovieOptions) -> FileResult<Self> {
         Ok(Self::Movie(Box::new(MovieWriter::start(ffmpeg, place, options)?)))
     }
 
-    /// Hands over a frame; waits if writing is behind.
+    /// Sends a frame; blocks while writing is behind.
     pub(super) fn send(&mut self, frame: OutputFrame, file: &Path, cancel: &Cancel) -> Result<(), RunError> {
         match self {
             Self::Images(writer) => Ok(writer.send(frame, file.to_owned())?),
@@ -35,8 +35,7 @@ impl Sink {
         }
     }
 
-    /// Waits until all is written. After a failure images already rendered are written nevertheless, half a movie only if
-    /// `keep` is set.
+    /// Waits until all frames are written. After a failure, rendered images are still written, a partial movie only if `keep` is set.
     pub(super) fn finish(self, keep: bool, cancel: &Cancel) -> Result<(), RunError> {
         match self {
             Self::Images(mut writer) => Ok(writer.finish().map(|_| ())?),

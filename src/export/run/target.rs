@@ -1,4 +1,4 @@
-//! Where the frames of a run go: numbered images, one image, or a movie.
+//! The output of a run: numbered images, one image, or a movie.
 
 use crate::error::{FileError, FileResult};
 use crate::export::movie::MovieFormat;
@@ -8,20 +8,20 @@ use crate::files;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-/// Where frames go.
+/// The output of a run.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Target {
-    /// Images, numbered or one.
+    /// Images, numbered or a single one.
     Images(FramePattern),
     /// A movie.
     Movie(PathBuf, MovieFormat),
 }
 
 impl Target {
-    /// Reads the name of a file or a pattern of names.
+    /// Parses a file name or a pattern.
     ///
     /// # Errors
-    /// If it is neither an image nor a movie by its ending, or a pattern that has no meaning.
+    /// If its extension is neither an image's nor a movie's, or the pattern is invalid.
     pub fn parse(word: OsString) -> FileResult<Self> {
         let path = Path::new(&word);
         let is_movie = MovieFormat::of(path);
@@ -34,7 +34,7 @@ impl Target {
         let mut rest = word.as_encoded_bytes();
         while let Some((&first, after)) = rest.split_first() {
             plain.push(first);
-            // A percent sign is doubled, as in the names of images.
+            // A literal percent sign is doubled, as in the names of images.
             rest = if first == b'%' { after.strip_prefix(b"%").ok_or_else(|| no_number(path))? } else { after };
         }
         let plain = files::os_string(plain).unwrap_or_else(|| word.clone());
@@ -49,17 +49,17 @@ impl Target {
         }
     }
 
-    /// Whether frames can go there, as far as that can be known before they exist.
+    /// Checks that the output can be written, as far as possible in advance.
     ///
     /// # Errors
-    /// If they cannot.
+    /// If it cannot be written.
     pub fn check_place(&self) -> FileResult<()> {
         let path = self.path(0);
         if path.is_dir() {
             return Err(FileError::invalid(&path, "", "is a folder").remedy("choose another name"));
         }
         let folder = match self {
-            // The folders of images are made when the first one is there.
+            // Folders of images are created with the first one.
             Self::Images(_) => {
                 files::parent_of(&path).ancestors().map(or_here).find(|f| f.exists()).unwrap_or(Path::new("."))
             }
@@ -80,7 +80,7 @@ fn no_number(path: &Path) -> FileError {
         .remedy("write, for example, movie.mp4")
 }
 
-/// The current folder has an empty name as an ancestor.
+/// The folder, or `.` for the empty name among the ancestors of a relative path.
 fn or_here(folder: &Path) -> &Path {
     if folder.as_os_str().is_empty() { Path::new(".") } else { folder }
 }

@@ -1,8 +1,8 @@
 //! Isosurfaces, plane sections and the boundary of a series as files of triangles: `.vtp` (VTK's XML PolyData) and `.ply`.
 //!
-//! Points are in world coordinates, f64, in the file's units; fields are f32 of points. `mesh::contour` says where surfaces are, how
-//! they are oriented and what happens where a vertex has the very value. A cell is a hole at a step where a chosen field has no finite
-//! value at one of its vertices.
+//! Points are in world coordinates, f64, in the file's units; fields are f32 per point. `mesh::contour` defines the surfaces, their
+//! orientation, and the case of a vertex with exactly the isovalue. A cell is a hole at a step where a selected field is not finite at one
+//! of its vertices.
 
 mod output;
 mod ply;
@@ -22,55 +22,55 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use step::Steps;
 
-/// Which surface.
+/// The kind of surface.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
-    /// Where a scalar has these values, in the field's units, all in one file.
+    /// Isosurfaces of these values, in the field's units, all in one file.
     Isovalues(Vec<f64>),
-    /// Where a plane cuts the mesh.
+    /// Plane section of the mesh.
     Plane(Cut),
-    /// The faces with a cell on one side only.
+    /// Boundary: faces with a cell on one side only.
     Boundary,
 }
 
-/// What to write.
+/// Selection of an export.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfaceOptions {
-    /// Which surface.
+    /// The surface.
     pub shape: Shape,
-    /// Fields to write; all if there is none. Of isosurfaces the one field, of one number.
+    /// Fields to write; empty: all. An isosurface needs one scalar field.
     pub fields: Vec<FieldSelector>,
-    /// Steps to write, in this order; all steps if there is none.
+    /// Steps to write, in this order; `None`: all steps.
     pub steps: Option<Vec<usize>>,
 }
 
-/// What was written.
+/// Report of an export.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct SurfaceReport {
-    /// The `.pvd` file, the file, or the pattern of the files.
+    /// Path of the `.pvd` file or single file, or the pattern of the files.
     #[serde(serialize_with = "crate::files::serialize_path")]
     pub output: PathBuf,
-    /// Number of files with a surface.
+    /// Number of written surface files.
     pub steps: usize,
-    /// Number of these files without a triangle.
+    /// Number of surface files without triangles.
     pub empty_steps: usize,
-    /// Triangles of all steps.
+    /// Number of triangles over all steps.
     pub triangles: u64,
-    /// Points of all steps.
+    /// Number of points over all steps.
     pub points: u64,
-    /// Triangles without area that were left out.
+    /// Number of triangles left out because their area is zero.
     pub dropped_triangles: u64,
     /// Bytes of all files.
     pub bytes: u64,
 }
 
-/// Why no surface was written. Nothing is left behind.
+/// Why no surface was written. No files are left behind.
 #[derive(Debug, thiserror::Error)]
 pub enum SurfaceError {
     /// The store could not be read, lacks what was asked for, or a file could not be written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The isovalue lies outside of the range of the whole series, or is not a number.
+    /// The isovalue is outside of the range of the whole series, or NaN.
     #[error("isovalue {} is never met: field {field} {}; choose a value in between", Short(*.value), range_text(*.range))]
     OutOfRange {
         /// The isovalue.
@@ -80,17 +80,17 @@ pub enum SurfaceError {
         /// Its range; `None` if it has no finite value.
         range: Option<[f32; 2]>,
     },
-    /// All of the mesh lies on one side of the plane.
+    /// The whole mesh is on one side of the plane.
     #[error("the plane {plane} does not meet the mesh, whose box goes from {lo:?} to {hi:?}; choose a point in it")]
     Missed {
         /// The plane.
         plane: Cut,
-        /// The lower corner of the box.
+        /// Lower corner of the mesh's box.
         lo: [f64; 3],
-        /// The upper one.
+        /// Upper corner of the mesh's box.
         hi: [f64; 3],
     },
-    /// Somebody asked to stop.
+    /// The export was cancelled.
     #[error("cancelled; nothing was written")]
     Cancelled,
 }
@@ -102,13 +102,13 @@ fn range_text(range: Option<[f32; 2]>) -> String {
     }
 }
 
-/// Writes the surfaces of the steps of `store`, one step in memory at a time. `output` says the format: `run.pvd` makes it and
-/// `run/run_0000.vtp` and so on; `run_%04d.vtp` and `run_%04d.ply` are counted from 0 whatever steps were chosen, and `run.ply` is a
-/// single step. Nothing may be in their places, where all files appear together at the end.
+/// Writes the surfaces of the steps of `store`, one step in memory at a time. `output` gives the format: `run.pvd` is written with
+/// `run/run_0000.vtp` and so on; `run_%04d.vtp` and `run_%04d.ply` are counted from 0 whatever steps were chosen, and `run.ply` is a single
+/// step. The paths must be free, and all files appear together at the end.
 ///
 /// # Errors
-/// If a place is taken or no name for this, the store cannot be read, a field or step does not exist, an isosurface is of several fields
-/// or a vector, an isovalue is never met, a plane misses the mesh, the disk is full, or `cancel` was raised.
+/// If a path is taken or invalid, the store cannot be read, a field or step does not exist, an isosurface is of several fields or a vector,
+/// an isovalue or a plane misses the mesh, the disk is full, or `cancel` was raised.
 pub fn write_surfaces(
     store: &Store,
     output: &Path,
@@ -158,7 +158,7 @@ pub fn write_surfaces(
     Ok(report)
 }
 
-/// The one field of an isosurface.
+/// The single scalar field of an isosurface.
 fn scalar(store: &Store, selectors: &[FieldSelector]) -> FileResult<Group> {
     let mut groups = chosen(store, selectors)?;
     let unsupported = |problem: &str| FileError::unsupported(store.path(), "fields", problem);
@@ -170,7 +170,7 @@ fn scalar(store: &Store, selectors: &[FieldSelector]) -> FileResult<Group> {
             return Err(unsupported("an isosurface is of one field").remedy(remedy));
         }
     };
-    // Elsewhere the name of a vector alone means its magnitude.
+    // Elsewhere a vector's name alone means its magnitude.
     let asked = selectors.first().filter(|asked| asked.component.is_none() && asked.name != one.name);
     if one.components.len() != 1 || asked.is_some() {
         let name = asked.map_or(&one.name, |asked| &asked.name);
@@ -181,7 +181,7 @@ fn scalar(store: &Store, selectors: &[FieldSelector]) -> FileResult<Group> {
 }
 
 fn check_isovalues(values: &[f64], field: &StoredField) -> Result<(), SurfaceError> {
-    // NaN is within no range.
+    // NaN is outside of every range.
     let is_met = |value: f64| field.range.is_some_and(|[lo, hi]| value >= f64::from(lo) && value <= f64::from(hi));
     match values.iter().find(|value| !is_met(**value)) {
         None => Ok(()),

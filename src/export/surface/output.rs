@@ -1,4 +1,4 @@
-//! Where surfaces go: a collection, or numbered files.
+//! Output of surfaces: a collection, or numbered files.
 
 use super::step::StepSurface;
 use super::{ply, vtp};
@@ -10,12 +10,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// What the files are.
+/// File format of surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Format {
-    /// VTK's XML.
+    /// VTK's XML PolyData.
     Vtp,
-    /// Stanford's.
+    /// Stanford PLY.
     Ply,
 }
 
@@ -28,7 +28,7 @@ impl Format {
     }
 }
 
-/// Where the files are to be.
+/// Paths of the files to write.
 pub(super) enum Place<'a> {
     /// A `.pvd` file with a folder of `.vtp` files.
     Collection(NewCollection<'a>),
@@ -36,18 +36,18 @@ pub(super) enum Place<'a> {
     Files { format: Format, paths: Vec<PathBuf> },
 }
 
-/// Files in the making. What is not finished vanishes.
+/// Files being written; unfinished ones are removed on drop.
 pub(super) enum Output<'a> {
     Collection(OpenCollection<'a>),
     Files { format: Format, paths: Vec<PathBuf>, staging: TempDir, written: usize },
 }
 
 impl<'a> Place<'a> {
-    /// The places of so many files.
+    /// The paths of `count` files.
     ///
     /// # Errors
-    /// If the name has another extension than `.pvd`, `.vtp` and `.ply`, has no place for a number and there are several files, has it
-    /// in the name of a folder, or one of the places is taken.
+    /// If the extension is none of `.pvd`, `.vtp` and `.ply`, the name has no number for several files or one in a folder's name, or a path
+    /// is taken.
     pub fn of(output: &'a Path, count: usize) -> FileResult<Self> {
         let is = |extension: &str| output.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
         let format = match (is("vtp"), is("ply")) {
@@ -77,10 +77,10 @@ impl<'a> Place<'a> {
         Ok(Self::Files { format, paths })
     }
 
-    /// Makes a folder for the files beside their places.
+    /// Creates a temporary folder for the files beside their paths.
     ///
     /// # Errors
-    /// If that is not possible.
+    /// If the folder cannot be created.
     pub fn begin(self) -> FileResult<Output<'a>> {
         match self {
             Self::Collection(place) => Ok(Output::Collection(place.begin("vtp")?)),
@@ -100,7 +100,7 @@ impl Output<'_> {
     /// Writes the next file; returns its size in bytes.
     ///
     /// # Errors
-    /// If the disk is full, or a field has a name that the format does not express.
+    /// If the disk is full, or the format cannot express the name of a field.
     pub fn write(&mut self, surface: &StepSurface) -> FileResult<u64> {
         match self {
             Self::Collection(collection) => {
@@ -114,10 +114,10 @@ impl Output<'_> {
         }
     }
 
-    /// Moves all files into their places; returns the bytes of what is written beside them.
+    /// Moves all files into place; returns the bytes of additional files.
     ///
     /// # Errors
-    /// If somebody has written there meanwhile; nothing is left then.
+    /// If another process has written there meanwhile; no files are left then.
     pub fn finish(self) -> FileResult<u64> {
         let (paths, staging) = match self {
             Self::Collection(collection) => return collection.finish(),
@@ -136,7 +136,7 @@ impl Output<'_> {
     }
 }
 
-/// Where a file is before it is moved.
+/// Temporary path of a file before it is moved.
 fn staged(staging: &TempDir, n: usize) -> PathBuf {
     staging.path().join(n.to_string())
 }

@@ -1,5 +1,5 @@
-//! One `.ply` file, binary and little-endian: vertices with `x`, `y`, `z` as double and each component of a field as float, faces with
-//! `vertex_indices`, those of isosurfaces with `isovalue` as double.
+//! One `.ply` file, binary and little-endian: vertices with `x`, `y`, `z` as double and field components as float, faces with
+//! `vertex_indices`, and `isovalue` as double for isosurfaces.
 
 use super::step::StepSurface;
 use crate::error::FileResult;
@@ -7,8 +7,8 @@ use crate::export::appended::{self, Values};
 use std::io::{self, Write};
 use std::path::Path;
 
-/// The names of the properties of all components. A name is one word: other characters than letters, digits and `_` become `_`, and
-/// one that is taken gets more of them behind it. Components of a vector end in their number.
+/// Unique property names of all components. A name is one word: characters other than letters, digits and `_` become `_`, and further ones
+/// are appended to a name that is taken. Components of a vector end in their number.
 fn property_names(fields: &[Values]) -> Vec<String> {
     let mut taken: Vec<String> = ["x", "y", "z"].map(str::to_owned).to_vec();
     for field in fields {

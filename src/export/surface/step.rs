@@ -12,26 +12,26 @@ use crate::store::{FieldReader, Store};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// What a file holds.
+/// The surface of a step, as written to a file.
 #[derive(Default)]
 pub(super) struct StepSurface {
     /// Time of the step.
     pub time: f64,
     /// World coordinates.
     pub points: Vec<DVec3>,
-    /// Indices of points.
+    /// Vertex indices of the triangles.
     pub triangles: Vec<[u32; 3]>,
     /// Whether triangles have isovalues.
     pub is_isosurface: bool,
-    /// Of each triangle of isosurfaces its isovalue.
+    /// Isovalue of each triangle of isosurfaces.
     pub isovalues: Vec<f64>,
-    /// Fields of the points.
+    /// Field values per point.
     pub fields: Vec<Values>,
-    /// Triangles without area that were left out.
+    /// Number of triangles left out because their area is zero.
     pub dropped: u64,
 }
 
-/// Makes the surfaces of a store.
+/// Computes the surfaces of a store's steps.
 pub(super) struct Steps<'a> {
     store: &'a Store,
     cuts: Cuts,
@@ -41,18 +41,18 @@ pub(super) struct Steps<'a> {
     missing: Vec<bool>,
 }
 
-/// A component of a field: its reader, and its values at the step.
+/// A component of a field: its reader, and its values at the current step.
 type Component = (FieldReader, Vec<f32>);
 
 enum Cuts {
     Isovalues(Vec<f64>),
-    /// Distance of each vertex from the plane.
+    /// Signed distance of each vertex from the plane.
     Plane(Vec<f64>),
     Boundary,
 }
 
 impl<'a> Steps<'a> {
-    /// Reads the mesh. An isosurface is of the first field.
+    /// Reads the mesh. An isosurface uses the first field.
     pub fn new(store: &'a Store, shape: &Shape, groups: Vec<Group>) -> Result<Self, SurfaceError> {
         let mesh = store.mesh()?;
         let (topology, positions) = (mesh.topology, mesh.positions);
@@ -100,7 +100,7 @@ impl<'a> Steps<'a> {
         Ok(out)
     }
 
-    /// Adds a surface with its fields to what is there.
+    /// Appends a surface with its fields to `out`.
     fn add(&self, surface: Surface, out: &mut StepSurface) -> FileResult<()> {
         let Some(first) = u32::try_from(out.points.len() + surface.points.len()).ok().map(|_| out.points.len() as u32)
         else {
@@ -122,14 +122,13 @@ impl<'a> Steps<'a> {
     }
 }
 
-/// How far each of some points (world coordinates) lies on the side of a plane to which its normal points, in the unit of local coordinates; below 0
-/// on the other side.
+/// Signed distances of points (world coordinates) from a plane, positive on the side of its normal, in local units.
 ///
 /// # Errors
-/// If no point, or every point, is at 0 or on the side of the normal: there is no section then.
+/// If no point, or every point, is at 0 or on the positive side: there is no section then.
 fn distances(cut: &Cut, points: &[DVec3], positions: &Positions) -> Result<Vec<f64>, SurfaceError> {
     let plane = Plane::new(positions, cut.point.into(), cut.normal.into());
-    // Differences come first, so that a mesh far from the origin keeps its digits.
+    // The origin is subtracted first, so that a mesh far from it keeps its precision.
     let distance = |plane: Plane, p: &DVec3| plane.distance((*p - positions.origin) / positions.scale);
     let found = plane.map(|plane| points.par_iter().map(|p| distance(plane, p)).collect::<Vec<f64>>());
     let meets = |found: &Vec<f64>| found.iter().any(|d| *d < 0.0) && found.iter().any(|d| *d >= 0.0);

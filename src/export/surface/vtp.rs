@@ -1,5 +1,5 @@
-//! One `.vtp` file: VTK's XML PolyData, with raw appended arrays as `.vtu` files have them. Points are Float64, fields Float32 of
-//! points; isosurfaces have the Float64 array `isovalue` of cells.
+//! One `.vtp` file: VTK's XML PolyData, with raw appended arrays as in `.vtu` files. Points are Float64, fields Float32 per point;
+//! isosurfaces have the Float64 array `isovalue` per cell.
 
 use super::step::StepSurface;
 use crate::error::FileResult;
@@ -8,7 +8,7 @@ use crate::field::Association;
 use std::io::{self, Write};
 use std::path::Path;
 
-/// The array that tells isosurfaces apart.
+/// Name of the array with the isovalue of each triangle.
 const ISOVALUE: &str = "isovalue";
 
 fn head(surface: &StepSurface, path: &Path) -> FileResult<String> {
@@ -32,7 +32,7 @@ fn head(surface: &StepSurface, path: &Path) -> FileResult<String> {
     Ok(head.end("PolyData"))
 }
 
-/// The arrays, in the order in which the head has declared them.
+/// Writes the arrays in the order of their declarations in the head.
 fn body(out: &mut impl Write, surface: &StepSurface) -> io::Result<()> {
     let StepSurface { time, points, triangles, isovalues, fields, .. } = surface;
     block(out, 1, std::iter::once(time.to_le_bytes()))?;

@@ -1,6 +1,6 @@
-//! A series as `.vtu` files with a `.pvd` that gives their times: what ParaView and VTK open.
+//! Export of a series as `.vtu` files and a `.pvd` with their times, for ParaView and VTK.
 //!
-//! The values are those of the source, f32 and exact; the format has no mesh shared by steps, so each file repeats it.
+//! The values are those of the source, f32 and exact; the format cannot share a mesh between files, so each repeats it.
 
 mod piece;
 #[cfg(test)]
@@ -17,18 +17,18 @@ use serde::Serialize;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// What of a series to write, and under which name.
+/// Selection and name of the exported series.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct VtuOptions {
-    /// First part of the file names; the name of the folder if there is none.
+    /// Prefix of the file names; `None`: the name of the folder.
     pub name: Option<String>,
-    /// Names of the fields to write, with all their components; all fields if there is none.
+    /// Names of the fields to write, with all their components; empty: all fields.
     pub fields: Vec<String>,
-    /// Steps to write, in this order; all steps if there is none.
+    /// Steps to write, in this order; `None`: all steps.
     pub steps: Option<Vec<usize>>,
 }
 
-/// What was written.
+/// Report of an export.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct VtuReport {
     /// The `.pvd` file.
@@ -40,19 +40,19 @@ pub struct VtuReport {
     pub bytes: u64,
 }
 
-/// Why a series was not written. Nothing is left behind.
+/// Why a series was not written. No files are left behind.
 #[derive(Debug, thiserror::Error)]
 pub enum VtuError {
     /// The source could not be read, lacks what was asked for, or a file could not be written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// Somebody asked to stop.
+    /// The export was cancelled.
     #[error("cancelled; nothing was written")]
     Cancelled,
 }
 
-/// Writes the steps of `source` into the new folder `dir`: `NAME.pvd`, `NAME_0000.vtu`, `NAME_0001.vtu` and so on, counted
-/// from 0 whatever steps were chosen. An empty folder may be there already.
+/// Writes the steps of `source` into the new folder `dir`: `NAME.pvd`, `NAME_0000.vtu`, `NAME_0001.vtu` and so on, counted from 0 whatever
+/// steps were chosen. `dir` may exist if it is empty.
 ///
 /// # Errors
 /// If `dir` exists and is not empty, the source cannot be read or contradicts itself, a field or step does not exist, a
@@ -77,8 +77,8 @@ pub fn write_series(
     Ok(VtuReport { pvd: dir.join(format!("{name}.pvd")), steps, bytes: bytes + text.len() as u64 })
 }
 
-/// Writes the steps of `source` as the collection `pvd` with its `.vtu` files in a new folder beside it: `run.pvd`, and
-/// `run/run_0000.vtu` and so on, as ParaView saves a series. `options.name` is not used.
+/// Writes the steps of `source` as the collection `pvd` with its `.vtu` files in a new folder beside it: `run.pvd`, and `run/run_0000.vtu`
+/// and so on, as ParaView does. `options.name` is ignored.
 ///
 /// # Errors
 /// As for [`write_series`]; if `pvd` does not end in `.pvd`, or it or the folder exists.
@@ -98,7 +98,7 @@ pub fn write_collection(
     Ok(VtuReport { pvd: pvd.to_owned(), steps: chosen.steps.len(), bytes })
 }
 
-/// What is written.
+/// The selected fields and steps of an export.
 struct Chosen {
     values: Vec<Values>,
     steps: Vec<usize>,
@@ -110,7 +110,7 @@ impl Chosen {
         Ok(Self { values, steps: choose_steps(&source.describe(), source.times(), options.steps.as_deref())? })
     }
 
-    /// Writes the `.vtu` files to the folder `dir` and lists them; returns their size in bytes.
+    /// Writes the `.vtu` files to the folder `dir` and adds them to the list; returns their size in bytes.
     fn write(
         &mut self,
         source: &dyn SeriesSource,
@@ -157,7 +157,7 @@ fn read_field(source: &dyn SeriesSource, field: &mut Values, step: usize, mesh: 
     Ok(())
 }
 
-/// The fields asked for, or all.
+/// The selected fields, or all.
 fn choose_fields(source: &dyn SeriesSource, names: &[String]) -> FileResult<Vec<FieldInfo>> {
     if names.is_empty() {
         return Ok(source.fields().to_vec());
@@ -172,7 +172,7 @@ fn choose_fields(source: &dyn SeriesSource, names: &[String]) -> FileResult<Vec<
     names.iter().map(find).collect()
 }
 
-/// The steps asked for, or all; none beyond the series, all with a finite time.
+/// The selected steps, or all; fails for a step beyond the series or without a finite time.
 pub(super) fn choose_steps(source: &str, times: &TimeAxis, steps: Option<&[usize]>) -> FileResult<Vec<usize>> {
     let times = &times.values;
     let steps = steps.map_or_else(|| (0..times.len()).collect(), <[usize]>::to_vec);
@@ -187,7 +187,7 @@ pub(super) fn choose_steps(source: &str, times: &TimeAxis, steps: Option<&[usize
     Ok(steps)
 }
 
-/// A reader trusts the connectivity, so every index must be a point.
+/// Checks that every index is a point: readers trust the connectivity.
 fn check_mesh(source: &dyn SeriesSource, mesh: &RawMesh) -> FileResult<()> {
     let points = mesh.points.len();
     match mesh.cells.tets.iter().position(|tet| tet.iter().any(|v| *v as usize >= points)) {

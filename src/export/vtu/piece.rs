@@ -10,7 +10,7 @@ use std::path::Path;
 /// VTK's cell type of a linear tet.
 const VTK_TETRA: u8 = 10;
 
-/// The XML in front of the appended data.
+/// The XML before the appended data.
 fn head(mesh: &RawMesh, fields: &[Values], path: &Path) -> FileResult<String> {
     let (points, cells) = (mesh.points.len(), mesh.cells.tets.len());
     let mut head = Head::begin("UnstructuredGrid");
@@ -27,7 +27,7 @@ fn head(mesh: &RawMesh, fields: &[Values], path: &Path) -> FileResult<String> {
     Ok(head.end("UnstructuredGrid"))
 }
 
-/// The arrays, in the order in which the head has declared them.
+/// Writes the arrays in the order of their declarations in the head.
 fn body(out: &mut impl Write, mesh: &RawMesh, time: f64, fields: &[Values]) -> io::Result<()> {
     block(out, 1, std::iter::once(time.to_le_bytes()))?;
     for of in [Association::Point, Association::Cell] {
@@ -43,7 +43,7 @@ fn body(out: &mut impl Write, mesh: &RawMesh, time: f64, fields: &[Values]) -> i
     out.write_all(appended::END)
 }
 
-/// Writes one step to `path`; returns the size of the file. Every component of a field has one value per point or cell.
+/// Writes one step to `path`; returns the size of the file. Each component of a field has one value per point or cell.
 pub(super) fn write(path: &Path, mesh: &RawMesh, time: f64, fields: &[Values]) -> FileResult<u64> {
     let head = head(mesh, fields, path)?;
     appended::write(path, |out| {

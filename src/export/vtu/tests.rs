@@ -1,4 +1,4 @@
-//! Files are read back by a naive parser: what is declared is there, bit for bit; failures leave nothing behind.
+//! Files are read back by a minimal parser: declared arrays are there, bit for bit; failures leave no files.
 
 use super::*;
 use crate::field::TimeAxis;
@@ -11,7 +11,7 @@ struct Two {
     times: TimeAxis,
     fields: Vec<FieldInfo>,
     mesh: RawMesh,
-    /// Values that are missing from every answer.
+    /// Number of values missing at the end of each array read.
     missing: usize,
 }
 
@@ -170,7 +170,7 @@ fn an_empty_mesh_and_no_steps_are_files_too() {
     assert_eq!(none.unwrap().steps, 0);
 }
 
-/// Exports and returns the message of the failure; nothing but what was there may be left.
+/// Exports, expecting a failure, and returns its message; only files that were there may be left.
 fn failure(source: &dyn SeriesSource, dir: &Path, options: &VtuOptions) -> String {
     let list = || {
         let entries = std::fs::read_dir(dir.parent().unwrap()).map(|e| e.map(|e| e.unwrap().file_name()).collect());
@@ -223,7 +223,7 @@ fn what_the_source_lacks_or_contradicts_is_named_and_nothing_is_left() {
 
 #[test]
 fn a_cancelled_export_leaves_nothing() {
-    /// Cancels while the second step is on its way.
+    /// Cancels during the second step.
     struct AfterOne(Cancel);
     impl Progress for AfterOne {
         fn begin(&self, _: &str, total: u64, _: &str) {
