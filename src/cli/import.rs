@@ -46,7 +46,7 @@ pub(super) struct Args {
     /// Steps A..B:S, zero-based, both ends included
     #[arg(long, value_name = "A..B:S", default_value = "0..")]
     steps: StepRange,
-    #[arg(long, value_parser = PossibleValuesParser::new(CODECS.iter().map(|codec| codec.name())), help = codec_help())]
+    #[arg(long, value_parser = PossibleValuesParser::new(CODECS.iter().map(|codec| codec.name)), help = codec_help())]
     codec: Option<String>,
     /// Entries of each codebook of vq: more are larger and closer to the truth [default: 256]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=MAX_ENTRIES as i64))]
@@ -128,8 +128,8 @@ fn seconds(text: &str) -> Result<f64, String> {
 
 /// Help text of the codecs.
 fn codec_help() -> String {
-    let all: Vec<String> = CODECS.iter().map(|codec| format!("{}, {}", codec.name(), codec.about())).collect();
-    let first = CODECS.first().map_or("", |codec| codec.name());
+    let all: Vec<String> = CODECS.iter().map(|codec| format!("{}, {}", codec.name, codec.about)).collect();
+    let first = CODECS[0].name;
     format!("How values are stored: {} [default: {first}, or that of the store with --append]", all.join("; "))
 }
 
@@ -139,15 +139,15 @@ fn codec(args: &Args) -> anyhow::Result<CodecChoice> {
     let relative = args.relative.then_some("true");
     let given = [("entries", entries.as_deref()), ("search", args.search.as_deref()), ("relative", relative)];
     let given: Vec<(&str, &str)> = given.into_iter().filter_map(|(name, value)| Some((name, value?))).collect();
-    let Some(codec) = args.codec.as_deref().map_or(CODECS.first().copied(), codec_of) else {
+    let Some(codec) = args.codec.as_deref().map_or(Some(CODECS[0]), codec_of) else {
         bail!("--codec is none of those that there are");
     };
-    if let Some((option, _)) = given.iter().find(|(option, _)| !codec.options().contains(option)) {
-        let others = CODECS.iter().filter(|other| other.options().contains(option));
-        let others: Vec<String> = others.map(|other| format!("--codec {}", other.name())).collect();
+    if let Some((option, _)) = given.iter().find(|(option, _)| !codec.options.contains(option)) {
+        let others = CODECS.iter().filter(|other| other.options.contains(option));
+        let others: Vec<String> = others.map(|other| format!("--codec {}", other.name)).collect();
         bail!("--{option} is of {}: say so, or leave it out", others.join(" and "));
     }
-    codec.choose(&given).map_err(anyhow::Error::msg)
+    (codec.choose)(&given).map_err(anyhow::Error::msg)
 }
 
 /// Report of `--dry-run`.

@@ -4,8 +4,8 @@ use super::blocks::{Block, BlockCache, BlockKey, BlockLoader, DecoderId, LoadedB
 use super::stop::{go_on, unless_cancelled};
 use super::{
     ArraySpec, ChunkSink, Chunking, Codec, CodecChoice, Coding, DecodeStats, Decoder, ElementType, Encoded, Encoder,
-    Encoding, ErrorTally, ReadRange, Stop, StoredValues, Wanted, chunk_key, parse_chunk_key, read_chunk_unless,
-    read_rows_unless, to_bytes,
+    Encoding, ErrorTally, PaperSize, ReadRange, Stop, StoredValues, Wanted, chunk_key, parse_chunk_key,
+    read_chunk_unless, read_rows_unless, to_bytes,
 };
 use crate::error::{FileError, FileResult};
 use crate::slowdown::{Slow, waste};
@@ -21,41 +21,22 @@ const TASK: usize = 32_768;
 pub const NAME: &str = "raw";
 
 /// The codec that stores values unchanged.
+pub static CODEC: Codec = Codec {
+    name: NAME,
+    about: "the values as they are",
+    options: &[],
+    block_steps: 1,
+    is_exact: true,
+    choose: |options| match options.first() {
+        None => Ok(CodecChoice::new(Raw)),
+        Some((name, _)) => Err(format!("codec {NAME} has no option '{name}'")),
+    },
+    coding: |_parameters| Ok(Arc::new(Raw)),
+};
+
+/// The options of the codec, of which there are none, and its coding.
 #[derive(Clone, Copy, Debug)]
 pub struct Raw;
-
-impl Codec for Raw {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn about(&self) -> &'static str {
-        "the values as they are"
-    }
-
-    fn options(&self) -> &'static [&'static str] {
-        &[]
-    }
-
-    fn block_steps(&self) -> usize {
-        1
-    }
-
-    fn is_exact(&self) -> bool {
-        true
-    }
-
-    fn choose(&self, options: &[(&str, &str)]) -> Result<CodecChoice, String> {
-        match options.first() {
-            None => Ok(CodecChoice::new(Self)),
-            Some((name, _)) => Err(format!("codec {NAME} has no option '{name}'")),
-        }
-    }
-
-    fn coding(&self, _parameters: &serde_json::Value) -> Result<Arc<dyn Coding>, String> {
-        Ok(Arc::new(Self))
-    }
-}
 
 impl fmt::Display for Raw {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -64,26 +45,22 @@ impl fmt::Display for Raw {
 }
 
 impl Encoding for Raw {
-    fn codec(&self) -> &'static dyn Codec {
-        &Self
+    fn codec(&self) -> &'static Codec {
+        &CODEC
     }
 
     fn encoder(&self, vertices: usize) -> Box<dyn Encoder> {
         Box::new(RawEncoder::new(vertices))
     }
 
-    fn entries(&self) -> Option<u64> {
-        None
-    }
-
-    fn paper_bytes(&self, _vertices: u64, _steps: u64) -> Option<u64> {
+    fn by_the_paper(&self, _vertices: u64, _steps: u64) -> Option<PaperSize> {
         None
     }
 }
 
 impl Coding for Raw {
-    fn codec(&self) -> &'static dyn Codec {
-        &Self
+    fn codec(&self) -> &'static Codec {
+        &CODEC
     }
 
     fn choice(&self) -> Option<CodecChoice> {

@@ -7,56 +7,59 @@ use std::fmt::{Debug, Display};
 use std::sync::Arc;
 
 /// All codecs, the default one first. Help and messages list them from here.
-pub const CODECS: &[&dyn Codec] = &[&raw::Raw, &vq::Vq];
+pub static CODECS: [&Codec; 2] = [&raw::CODEC, &vq::CODEC];
+
+/// Name and value of an option.
+pub type OptionText<'a> = (&'a str, &'a str);
 
 /// A codec: a folder beside this file, and a line of [`CODECS`].
-pub trait Codec: Sync {
+#[derive(Debug)]
+pub struct Codec {
     /// Name on the command line and in stores.
-    fn name(&self) -> &'static str;
-
+    pub name: &'static str,
     /// Description for help.
-    fn about(&self) -> &'static str;
-
-    /// Names of the options that [`Codec::choose`] takes.
-    fn options(&self) -> &'static [&'static str];
-
+    pub about: &'static str,
+    /// Names of the options that `choose` takes.
+    pub options: &'static [&'static str],
     /// Steps that are coded together: the length of a block, or 1.
-    fn block_steps(&self) -> usize;
-
+    pub block_steps: usize,
     /// Whether decoding gives back every bit.
-    fn is_exact(&self) -> bool;
-
+    pub is_exact: bool,
     /// The codec with options, given as names and values in text.
     ///
     /// # Errors
-    /// A message for the user: an option is not one of [`Codec::options`], or a value is not valid for it.
-    fn choose(&self, options: &[(&str, &str)]) -> Result<CodecChoice, String>;
-
+    /// A message for the user: an option is not one of `options`, or a value is not valid for it.
+    pub choose: fn(options: &[OptionText<'_>]) -> Result<CodecChoice, String>,
     /// The coding of a field with these parameters in a store.
     ///
     /// # Errors
     /// A message for the user: the parameters are not of this codec, or of a later version of it.
-    fn coding(&self, parameters: &Value) -> Result<Arc<dyn Coding>, String>;
+    pub coding: fn(parameters: &Value) -> Result<Arc<dyn Coding>, String>,
 }
 
 /// The codec called `name`.
-pub fn codec_of(name: &str) -> Option<&'static dyn Codec> {
-    CODECS.iter().find(|codec| codec.name() == name).copied()
+pub fn codec_of(name: &str) -> Option<&'static Codec> {
+    CODECS.into_iter().find(|codec| codec.name == name)
 }
 
 /// A codec with its options, as chosen by a user.
 pub trait Encoding: Debug + Display + Send + Sync {
     /// The codec that the options belong to.
-    fn codec(&self) -> &'static dyn Codec;
+    fn codec(&self) -> &'static Codec;
 
     /// An encoder of a field with `vertices` values a step.
     fn encoder(&self, vertices: usize) -> Box<dyn Encoder>;
 
-    /// Entries of each codebook; `None` without codebooks.
-    fn entries(&self) -> Option<u64>;
+    /// The size of a field by the dissertation's formula (6.2.2); `None` from codecs that it does not cover.
+    fn by_the_paper(&self, vertices: u64, steps: u64) -> Option<PaperSize>;
+}
 
-    /// The bytes of a field by the dissertation's formula (6.2.2); `None` from codecs that it does not cover.
-    fn paper_bytes(&self, vertices: u64, steps: u64) -> Option<u64>;
+/// Size of a field by the dissertation's formula.
+pub struct PaperSize {
+    /// Entries of each codebook.
+    pub entries: u64,
+    /// Bytes of codebooks and indices.
+    pub bytes: u64,
 }
 
 /// The codec and options for the fields of a new store.
@@ -110,7 +113,7 @@ pub struct StoredValues<'a> {
 /// How a field of a store was coded.
 pub trait Coding: Debug + Send + Sync {
     /// The field's codec.
-    fn codec(&self) -> &'static dyn Codec;
+    fn codec(&self) -> &'static Codec;
 
     /// The options that the codec was given; `None` if an older version did not record them.
     fn choice(&self) -> Option<CodecChoice>;
@@ -139,15 +142,15 @@ mod tests {
     #[test]
     fn codecs_are_found_by_names_of_their_own_and_options_are_read_or_refused() {
         for (i, codec) in CODECS.iter().enumerate() {
-            assert!(codec_of(codec.name()).is_some() && !codec.about().is_empty());
-            assert!(CODECS[..i].iter().all(|other| other.name() != codec.name()));
-            assert!(codec.choose(&[("no such option", "1")]).is_err(), "{}", codec.name());
-            let choice = codec.choose(&[]).unwrap();
-            assert_eq!(choice.encoding().codec().name(), codec.name());
+            assert!(codec_of(codec.name).is_some() && !codec.about.is_empty());
+            assert!(CODECS[..i].iter().all(|other| other.name != codec.name));
+            assert!((codec.choose)(&[("no such option", "1")]).is_err(), "{}", codec.name);
+            let choice = (codec.choose)(&[]).unwrap();
+            assert_eq!(choice.encoding().codec().name, codec.name);
         }
-        assert_eq!(CodecChoice::default(), CODECS[0].choose(&[]).unwrap());
+        assert_eq!(CodecChoice::default(), (CODECS[0].choose)(&[]).unwrap());
         assert!(codec_of("fractal").is_none());
-        let vq = |options: &[(&str, &str)]| codec_of("vq").unwrap().choose(options);
+        let vq = |options: &[(&str, &str)]| (vq::CODEC.choose)(options);
         assert_ne!(vq(&[("entries", "16")]).unwrap(), vq(&[]).unwrap());
         assert_eq!(
             vq(&[("relative", "true"), ("search", "exact")]).unwrap().to_string(),

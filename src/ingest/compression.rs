@@ -1,6 +1,6 @@
 //! The compression achieved for a field, in the columns of the dissertation's Table 6.1.
 
-use crate::codec::{Encoding, Quality};
+use crate::codec::{Encoding, PaperSize, Quality};
 use serde::Serialize;
 use std::fmt;
 
@@ -40,11 +40,11 @@ impl CompressionReport {
         bytes: u64,
         quality: Quality,
     ) -> Option<Self> {
-        let (entries, paper_bytes) = (encoding.entries()?, encoding.paper_bytes(vertices, steps)?);
+        let PaperSize { entries, bytes: paper_bytes } = encoding.by_the_paper(vertices, steps)?;
         let raw_bytes = vertices * steps * size_of::<f32>() as u64;
         let ratio = |bytes: u64| raw_bytes as f64 / bytes.max(1) as f64;
         Some(Self {
-            codec: encoding.codec().name().to_owned(),
+            codec: encoding.codec().name.to_owned(),
             entries,
             vertices,
             tets,

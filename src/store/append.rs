@@ -30,7 +30,7 @@ pub struct ResumedField {
 impl StoredField {
     /// The number of the first `steps` whose coding does not change when others are added.
     pub fn settled_steps(&self, steps: usize) -> usize {
-        let block = self.coding().map_or(1, |coding| coding.codec().block_steps());
+        let block = self.coding().map_or(1, |coding| coding.codec().block_steps);
         steps / block * block
     }
 
@@ -118,7 +118,7 @@ fn resume(store: &Store, field: &StoredField) -> FileResult<Resumed> {
                 return Err(too_old(path.join("zarr.json"), "does not say how it was coded"));
             }
             let vertices = reader.vertex_count();
-            let errors = match coding.codec().is_exact() {
+            let errors = match coding.codec().is_exact {
                 true => ErrorTally::new(vertices),
                 false => errors_so_far(store, &group, field.settled_steps(steps), vertices)?,
             };

@@ -84,7 +84,7 @@ impl Coding {
             let error = FileError::unsupported(path, "codec", format!("'{}' is not known", attributes.codec));
             return Err(error.remedy("a newer version of tetreel may read it"));
         };
-        let coding = codec.coding(&attributes.codec_parameters);
+        let coding = (codec.coding)(&attributes.codec_parameters);
         coding.map(Self::Coded).map_err(|problem| FileError::invalid(path, "attributes", problem))
     }
 

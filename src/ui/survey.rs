@@ -163,7 +163,7 @@ fn look(series: &Arc<Series>, gate: &Gate, cancel: &Cancel, show: &mut dyn FnMut
     let mut known = Surveyed::begin(series);
     let mut values = vec![0.0; series.vertices()];
     let mut shown: Option<Instant> = None;
-    let block = series.field().coding().map_or(1, |coding| coding.codec().block_steps());
+    let block = series.field().coding().map_or(1, |coding| coding.codec().block_steps);
     for step in order(series.times().len(), block) {
         gate.pass();
         match apart.decode_step(step, &mut values, cancel) {

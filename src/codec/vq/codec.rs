@@ -3,61 +3,41 @@
 use super::layout::{MAX_ENTRIES, NAME, VqParameters, paper_bytes};
 use super::{STEPS, VqDecoder, VqEncoder, VqOptions};
 use crate::codec::{
-    ArraySpec, BlockCache, Codec, CodecChoice, Coding, Decoder, Encoder, Encoding, ErrorTally, StoredValues,
+    ArraySpec, BlockCache, Codec, CodecChoice, Coding, Decoder, Encoder, Encoding, ErrorTally, PaperSize, StoredValues,
 };
 use crate::error::{FileError, FileResult};
-use serde_json::Value;
 use std::fmt;
 use std::sync::Arc;
 
 /// Vector quantisation along time.
-#[derive(Clone, Copy, Debug)]
-pub struct Vq;
+pub static CODEC: Codec = Codec {
+    name: NAME,
+    about: "vector quantisation along time, lossy (docs/compression.md)",
+    options: &["entries", "search", "relative"],
+    block_steps: STEPS,
+    is_exact: false,
+    choose,
+    coding: |parameters| Ok(Arc::new(VqParameters::read(parameters)?)),
+};
 
-impl Codec for Vq {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn about(&self) -> &'static str {
-        "vector quantisation along time, lossy (docs/compression.md)"
-    }
-
-    fn options(&self) -> &'static [&'static str] {
-        &["entries", "search", "relative"]
-    }
-
-    fn block_steps(&self) -> usize {
-        STEPS
-    }
-
-    fn is_exact(&self) -> bool {
-        false
-    }
-
-    fn choose(&self, options: &[(&str, &str)]) -> Result<CodecChoice, String> {
-        let mut chosen = VqOptions::default();
-        for (name, value) in options {
-            match *name {
-                "entries" => {
-                    let entries = value.parse().ok().filter(|entries| (2..=MAX_ENTRIES).contains(entries));
-                    chosen.entries =
-                        entries.ok_or_else(|| format!("'{value}' is no number of entries; give 2 to {MAX_ENTRIES}"))?;
-                }
-                "search" => chosen.search = value.parse()?,
-                "relative" => {
-                    let parsed = value.parse();
-                    chosen.own_scales = parsed.map_err(|_| format!("relative is true or false, not '{value}'"))?;
-                }
-                _ => return Err(format!("codec {NAME} has no option '{name}'")),
+fn choose(options: &[(&str, &str)]) -> Result<CodecChoice, String> {
+    let mut chosen = VqOptions::default();
+    for (name, value) in options {
+        match *name {
+            "entries" => {
+                let entries = value.parse().ok().filter(|entries| (2..=MAX_ENTRIES).contains(entries));
+                chosen.entries =
+                    entries.ok_or_else(|| format!("'{value}' is no number of entries; give 2 to {MAX_ENTRIES}"))?;
             }
+            "search" => chosen.search = value.parse()?,
+            "relative" => {
+                let parsed = value.parse();
+                chosen.own_scales = parsed.map_err(|_| format!("relative is true or false, not '{value}'"))?;
+            }
+            _ => return Err(format!("codec {NAME} has no option '{name}'")),
         }
-        Ok(chosen.into())
     }
-
-    fn coding(&self, parameters: &Value) -> Result<Arc<dyn Coding>, String> {
-        Ok(Arc::new(VqParameters::read(parameters)?))
-    }
+    Ok(chosen.into())
 }
 
 impl fmt::Display for VqOptions {
@@ -74,26 +54,23 @@ impl From<VqOptions> for CodecChoice {
 }
 
 impl Encoding for VqOptions {
-    fn codec(&self) -> &'static dyn Codec {
-        &Vq
+    fn codec(&self) -> &'static Codec {
+        &CODEC
     }
 
     fn encoder(&self, vertices: usize) -> Box<dyn Encoder> {
         Box::new(VqEncoder::new(vertices, *self))
     }
 
-    fn entries(&self) -> Option<u64> {
-        Some(self.entries as u64)
-    }
-
-    fn paper_bytes(&self, vertices: u64, steps: u64) -> Option<u64> {
-        Some(paper_bytes(vertices, steps, self.entries as u64))
+    fn by_the_paper(&self, vertices: u64, steps: u64) -> Option<PaperSize> {
+        let entries = self.entries as u64;
+        Some(PaperSize { entries, bytes: paper_bytes(vertices, steps, entries) })
     }
 }
 
 impl Coding for VqParameters {
-    fn codec(&self) -> &'static dyn Codec {
-        &Vq
+    fn codec(&self) -> &'static Codec {
+        &CODEC
     }
 
     fn choice(&self) -> Option<CodecChoice> {

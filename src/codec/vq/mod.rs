@@ -60,7 +60,7 @@ mod tiles;
 
 use crate::words::words;
 pub use block::{Indices, SpecialRun, VqBlock};
-pub use codec::Vq;
+pub use codec::CODEC;
 pub use decoder::VqDecoder;
 pub use encoder::VqEncoder;
 pub use layout::{MAX_ENTRIES, NAME, VqParameters, paper_bytes};
