@@ -18,7 +18,7 @@ pub(crate) enum Slow {
     WalkPortable,
     /// A unit is a cell of the mesh.
     Entries,
-    /// Faces into tiles; a unit is a face.
+    /// Binning of faces into tiles; a unit is a face.
     Raster,
     /// A unit is a fragment.
     KBuffer,

@@ -46,8 +46,8 @@ pub struct PlaybackRun {
     /// Frames timed together; 2 in reports without it.
     #[serde(default = "frames_of_old_reports")]
     pub frames: usize,
-    /// So many frames of successive steps, prepared while others are rendered (B), beside the same frames with every step twice in a
-    /// row (A): half as often time has moved. (Where there are 2 of them, A is the first one twice: time stands still.)
+    /// B: this number of frames of successive steps, prepared while others are rendered. A: as many frames with every step twice in a
+    /// row, so that time moves half as often. (With 2 frames, A repeats the first: time stands still.)
     pub pipelined: Paired,
     /// [`Self::pipelined`] with sequential stages in B.
     pub sequential: Paired,

@@ -129,7 +129,7 @@ trait Model: Sync + Send {
     fn fields(&self) -> Vec<FieldInfo>;
     /// Time at `part` of the series, from 0 to 1; strictly increasing.
     fn time(&self, part: f64) -> f64;
-    /// Whether part 1 is part 0 of the next turn and therefore no step of its own.
+    /// Whether part 1 equals part 0 of the next turn and is therefore not a step.
     fn is_periodic(&self) -> bool {
         false
     }
