@@ -1,5 +1,5 @@
-//! Depth order of the faces of a million cells against other sorts of the same keys, and the selection of a level of detail: `cargo bench
-//! --bench face_order`.
+//! Depth order of the faces of a million cells against other sorts of the same keys, and the selection of a level of detail:
+//! `cargo bench --bench face_order`.
 
 use glam::DVec3;
 use rayon::prelude::*;
