@@ -4,7 +4,6 @@
 //! between two keys or during an edit, against a frame that keeps the previous table. Both with the series playing (each frame another
 //! step) and at rest. The eye always moves, but so little that neighbouring frames, which are compared, show nearly the same. Frame times
 //! include all stages, run sequentially: ensemble, decode, order, render.
-//! order, render, one after the other.
 
 use std::error::Error;
 use std::sync::Arc;
