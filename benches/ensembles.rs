@@ -1,10 +1,9 @@
-//! What ensembles cost a frame of a million cells: `cargo bench --bench ensembles`.
+//! Frame cost of ensembles on a million cells: `cargo bench --bench ensembles`.
 //!
-//! *Steady*: the same ensemble frame after frame, against a transfer function with the same table. *Blend*: the table is another one in each
-//! frame, as between two keys or while somebody edits, against a frame whose table is that of the one before. Both while the series
-//! plays (each frame another step) and while it stands. The eye moves in all of them, by so little that frames beside each other
-//! show nearly the same: what is compared is each frame with its neighbour. The time of a frame is all of it: the ensemble, decode,
-//! order, render, one after the other.
+//! *Steady*: the same ensemble frame after frame, against a transfer function with the same table. *Blend*: another table in each frame, as
+//! between two keys or during an edit, against a frame that keeps the previous table. Both with the series playing (each frame another
+//! step) and at rest. The eye always moves, but so little that neighbouring frames, which are compared, show nearly the same. Frame times
+//! include all stages, run sequentially: ensemble, decode, order, render.
 
 use std::error::Error;
 use std::sync::Arc;
@@ -23,7 +22,7 @@ use tetreel::transfer::{
 };
 
 const ROUNDS: usize = 31;
-/// Degrees that the eye turns by from one frame to the next.
+/// Degrees that the eye turns per frame.
 const TURN: f64 = 0.02;
 const STEPS: usize = 6;
 const SIZE: (usize, usize) = (512, 512);
@@ -36,7 +35,7 @@ fn rectangle(x: [f64; 2], rgb: [f64; 3], opacity: [f64; 2]) -> Function {
     Function::Widgets(vec![Widget::Rectangle(Rectangle { x, y: [0.3, 0.8], rgb, opacity })])
 }
 
-/// One member; three of them; three with one that is kept over gradient magnitudes.
+/// One member; three members; three with one over gradient magnitudes.
 fn ensembles() -> Result<[Ensemble; 3], Box<dyn Error>> {
     let named = |name: &str, members| Ensemble { name: name.into(), colors: Default::default(), members };
     let one = tf("viridis@0:0,0.2:0,0.5:0.1,1:0.4")?;
@@ -50,7 +49,7 @@ fn ensembles() -> Result<[Ensemble; 3], Box<dyn Error>> {
     ])
 }
 
-/// A bench under way.
+/// State of a benchmark.
 struct Run {
     pipeline: Pipeline,
     camera: Camera,
@@ -58,7 +57,7 @@ struct Run {
 }
 
 impl Run {
-    /// Milliseconds of a frame of what an animation shows of a step at a time.
+    /// Milliseconds of a frame of an animation, at a step and a time.
     fn frame(&mut self, animation: &mut Animation, step: usize, at: f64) -> Result<f64, Box<dyn Error>> {
         self.frames += 1;
         let camera = self.camera.orbit(TURN * self.frames as f64, 0.0)?;
@@ -70,14 +69,14 @@ impl Run {
     }
 }
 
-/// Median and quartiles.
+/// Prints median and quartiles.
 fn show(name: &str, mut ms: Vec<f64>) {
     ms.sort_by(f64::total_cmp);
     let at = |share: usize| ms[(ms.len() - 1) * share / 4];
     println!("{name:34} {:8.2} ms  ({:.2} to {:.2})", at(2), at(1), at(3));
 }
 
-/// Two kinds of frames and what the second one takes more than the first one beside it.
+/// Prints two kinds of frames, and what the second takes beyond the first beside it.
 fn show_both(names: [&str; 2], ms: [Vec<f64>; 2]) {
     let more = ms[0].iter().zip(&ms[1]).map(|(one, other)| other - one).collect();
     names.iter().zip(ms).for_each(|(name, ms)| show(&format!("  {name}"), ms));
@@ -118,7 +117,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     blend(&mut run, animation(vec![one, grid])?)
 }
 
-/// Frames of an ensemble, and of requests with its table.
+/// Compares frames of an ensemble with frames of its table.
 fn steady(run: &mut Run, ensemble: &Ensemble, mut animation: Animation) -> Result<(), Box<dyn Error>> {
     let table = animation.at(0.into(), 0.0, &Cancel::new())?.colors.ok_or("an ensemble has colours")?.table;
     let mut ms = [Vec::new(), Vec::new()];
@@ -144,13 +143,13 @@ fn steady(run: &mut Run, ensemble: &Ensemble, mut animation: Animation) -> Resul
     Ok(())
 }
 
-/// Frames with another table than the one before, and with the same.
+/// Compares frames with a new table and frames with the previous one.
 fn blend(run: &mut Run, mut animation: Animation) -> Result<(), Box<dyn Error>> {
     let mut ms: [Vec<f64>; 4] = Default::default();
     let mut tables = Vec::new();
     for round in 0..ROUNDS + 2 {
         let at = |part: usize| (2 * round + part) as f64 / (2 * ROUNDS + 6) as f64;
-        // Which table is made when is told apart from which step is shown.
+        // The table does not follow the step, so that their effects are separate.
         let (step, next) = (round % STEPS, (round + 1) % STEPS);
         let started = Instant::now();
         animation.at(step.into(), at(0) + 1e-3, &Cancel::new())?;

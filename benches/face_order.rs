@@ -1,4 +1,4 @@
-//! Depth order of the faces of a million cells beside other sorts of the same keys, and the selection of a level of detail:
+//! Depth order of the faces of a million cells against other sorts of the same keys, and the selection of a level of detail:
 //! `cargo bench --bench face_order`.
 
 use glam::DVec3;
@@ -17,7 +17,7 @@ use tetreel::visibility::{CellSet, DepthOrder, ascending_bits};
 
 const ROUNDS: usize = 15;
 
-/// Prints the median of some rounds in milliseconds; the work is told the number of its round.
+/// Prints the median of some rounds in milliseconds; `work` gets the number of the round.
 fn measure(what: &str, mut work: impl FnMut(usize)) {
     let mut ms: Vec<f64> = Vec::new();
     for round in 0..ROUNDS {
@@ -71,7 +71,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             black_box(order.order(&mesh, direction(round), &part, &Cancel::new()));
         });
     }
-    // A third of the cells, another one each time.
+    // A third of the cells, different in each set.
     let some: Vec<Arc<CellSet>> =
         (0..ROUNDS).map(|round| Arc::new(CellSet::of(all.universe(), |cell| (cell / 64 + round) % 3 == 0))).collect();
     measure("selection, other active cells, 100 %", |round| {

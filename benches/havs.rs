@@ -1,4 +1,4 @@
-//! The face renderer at several levels of detail, and beside the ray caster: `cargo bench --bench havs`.
+//! The face renderer at several levels of detail, and against the ray caster: `cargo bench --bench havs`.
 
 use std::error::Error;
 use std::sync::Arc;
@@ -51,7 +51,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let opaque = scene("viridis@0:0.9,1:1")?;
     let opaque = with_faces(&RenderJob { mesh: base.mesh.clone(), ..opaque }, 1.0);
     println!("opaque: {:.1} ms", milliseconds(&mut Havs::new(), &opaque)?[0]);
-    // The job has been rendered: it cannot fail any more.
+    // A job that was rendered once cannot fail any more.
     let draw = |renderer: &mut dyn Renderer| drop(renderer.render(all.clone()));
     let (mut cells, mut faces) = (Raycast::new(), Havs::new());
     let result = paired(|| draw(&mut cells), || draw(&mut faces), FRAMES, 1);
@@ -64,7 +64,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Medians of the whole frame, of placing faces and of rendering, in milliseconds, once the buffers are there.
+/// Medians of the whole frame, of placing faces and of rendering, in milliseconds, after warm-up.
 fn milliseconds(renderer: &mut Havs, job: &RenderJob) -> Result<[f64; 3], Box<dyn Error>> {
     renderer.render(job.clone())?;
     let mut times = [const { Vec::new() }; 3];
@@ -77,7 +77,7 @@ fn milliseconds(renderer: &mut Havs, job: &RenderJob) -> Result<[f64; 3], Box<dy
     Ok(times.map(|t| Paired::of(&Timings { a: t.clone(), b: t }, 1).a.median))
 }
 
-/// All boundary faces and a share of the others by lot, front to back.
+/// All boundary faces and a random share of the others, front to back.
 fn with_faces(job: &RenderJob, share: f64) -> RenderJob {
     let (topology, positions) = (&job.mesh.topology, &job.mesh.positions);
     let mut random = SplitMix64::new(1);

@@ -1,5 +1,4 @@
-//! Transfer functions of more than the scalar against that of the scalar alone, interleaved, on every renderer:
-//! `cargo bench --bench joint`.
+//! Transfer functions of several variables against those of the scalar alone, interleaved, on every renderer: `cargo bench --bench joint`.
 
 use std::error::Error;
 use std::sync::Arc;
@@ -35,7 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             let [of_plain, of_joint] = images;
             assert!(of_plain? != of_joint?, "{name}, {what}: a table with other values gives the same image");
             let shared = std::cell::RefCell::new(&mut *renderer);
-            // The jobs have been rendered: they cannot fail any more.
+            // Jobs that were rendered once cannot fail any more.
             let draw = |job: &RenderJob| drop(shared.borrow_mut().render(job.clone()));
             let result = paired(|| draw(&plain), || draw(&grid), PAIRS, 1);
             let [low, high] = result.interval;
@@ -66,8 +65,8 @@ fn add_gpu(renderers: &mut Vec<(&'static str, Box<dyn Renderer>)>) {
 #[cfg(not(feature = "gpu"))]
 fn add_gpu(_: &mut Vec<(&'static str, Box<dyn Renderer>)>) {}
 
-/// The job with its table spread over rows (a coordinate of the vertices) and layers (by lot); extinctions from half of theirs to
-/// one and a half.
+/// The job with its table spread over rows (by a coordinate of the vertices) and table layers (random), with 0.5 to 1.5 times the
+/// extinctions.
 fn with_joint_table(job: &RenderJob, rows: usize, layers: usize) -> Result<RenderJob, Box<dyn Error>> {
     let nodes = job.table.nodes();
     let axis = |count: usize| (0..count).map(|i| (i as f64 + 0.5) / count as f64).collect::<Vec<_>>();

@@ -1,8 +1,8 @@
-//! How far images at a level of detail are from the whole: `cargo bench --bench lod -- STORE.zarr[@FIELD] ...`
+//! Error of images at a level of detail: `cargo bench --bench lod -- STORE.zarr[@FIELD] ...`
 //!
-//! 1. Each ranking beside random subsets of the same number of faces.
-//! 2. Rankings of intervals: the error in the middle of an interval beside that at its ends, and what changes in the image when
-//!    one interval gives way to the next.
+//! 1. Each ranking against random subsets of the same number of faces.
+//! 2. Rankings of intervals: the error in the middle of an interval against that at its ends, and the change of the image
+//!    from one interval to the next.
 
 use std::error::Error;
 use std::path::Path;
@@ -99,7 +99,7 @@ fn mean_square(a: &Pixels, b: &Pixels) -> f64 {
     differences.sum::<f64>() / (4 * a.len()) as f64
 }
 
-/// The interior faces by lot.
+/// The interior faces in random order.
 fn by_lot(series: &Series, seed: u64) -> Ranking {
     let topology = &series.mesh().topology;
     let mut random = SplitMix64::new(seed);

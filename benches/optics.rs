@@ -1,4 +1,4 @@
-//! What the pre-integrated table costs and how wrong it is, by resolution: `cargo bench --bench optics`.
+//! Cost and error of the pre-integrated table, by resolution: `cargo bench --bench optics`.
 
 use std::error::Error;
 use std::sync::Arc;
@@ -58,7 +58,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         for (scalars, lengths) in [64, 128, 256].into_iter().flat_map(|s| [16, 32, 64].map(|l| (s, l))) {
             let resolution = Table3dResolution { scalars, lengths };
             let started = Instant::now();
-            // As the renderer builds it, but for the length, which does not matter for time.
+            // As the renderer builds it, except for the length, which does not affect the time.
             drop(Table3d::new(&job.table, Table3d::range_of(&job.table), 0.1, mesh.positions.scale, resolution));
             let build_ms = started.elapsed().as_secs_f64() * 1e3;
             let job = RenderJob { optics: OpticsKind::Table3d, ..job.clone() };
@@ -79,7 +79,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Milliseconds to build a table anew, and to change it after an edit of one node.
+/// Milliseconds to build a table, and to update it after an edit of one node.
 fn rebuild(table: &NodeTable, scale: f64) -> Result<(), Box<dyn std::error::Error>> {
     let (range, resolution) = (Table3d::range_of(table), Table3dResolution::default());
     let build = |last: Option<&Table3d>, table: &NodeTable| {

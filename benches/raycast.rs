@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (mut portable, mut newest) = (Raycast::portable(), Raycast::new());
     let same = portable.render(job.clone())?.planes.color == newest.render(job.clone())?.planes.color;
     assert!(same, "the two versions draw different images");
-    // The job has been rendered: it cannot fail any more.
+    // A job that was rendered once cannot fail any more.
     let draw = |renderer: &mut Raycast| drop(renderer.render(job.clone()));
     let result = paired(|| draw(&mut portable), || draw(&mut newest), PAIRS, 1);
     println!("{:?}", Machine::detect());

@@ -1,4 +1,4 @@
-//! What each switch of `Skip` saves: frames with all of them on beside frames with one off, in pairs.
+//! Savings by each switch of `Skip`: frames with all switches on against frames with one off, in pairs.
 //! `cargo bench --bench skipping -- [STORE.zarr[@FIELD] ...]`; without a store a generated jet of a million cells.
 
 use std::error::Error;
@@ -20,7 +20,7 @@ use tetreel::visibility::Skip;
 const PAIRS: usize = 15;
 const SIZE: (usize, usize) = (512, 512);
 
-/// What is watched: a name, a transfer function, whether time and camera move, how near the camera is, and how it is drawn.
+/// A scene: name, transfer function, whether time and camera move, how near the camera is, and the renderer.
 struct Scene {
     name: &'static str,
     tf: &'static str,
@@ -104,7 +104,7 @@ fn measure(series: &Arc<Series>, scene: &Scene) -> Result<(), Box<dyn Error>> {
         let (with, without) = (requests(Skip::ALL)?, requests(off)?);
         let (mut a, mut b) = (Pipeline::new(series.clone()), Pipeline::new(series.clone()));
         let (mut at_a, mut at_b) = (0, 0);
-        // The next frame of a journey that both sides make.
+        // The next frame of a sequence that both sides render.
         let draw = |pipeline: &mut Pipeline, requests: &[FrameRequest], at: &mut usize| {
             black_box(pipeline.render(&requests[*at % requests.len()]).map(|frame| frame.stats.steps).unwrap_or(0));
             *at += 1;

@@ -1,5 +1,6 @@
-//! Table 6.2 of Callahan's dissertation again: faces of a series drawn with and without sorting them, as a volume and as an isosurface in the middle
-//! of the range, static scalars on one thread beside moving ones on all: `cargo bench --bench static_and_moving -- STORE.zarr[@FIELD] ...`
+//! Table 6.2 of Callahan's dissertation: faces of a series drawn with and without sorting, as a volume and as an isosurface in the middle
+//! of the range, static scalars on one thread against time-varying ones on all:
+//! `cargo bench --bench static_and_moving -- STORE.zarr[@FIELD] ...`
 
 use std::error::Error;
 use std::path::Path;

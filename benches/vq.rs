@@ -1,9 +1,9 @@
-//! Codec `vq`: time and error of encoding, time of decoding a step: `cargo bench --bench vq [-- VERTICES]`; with
-//! `TETREEL_BENCH_EXACT` set, beside full LBG.
+//! Codec `vq`: time and error of encoding, time of decoding a step: `cargo bench --bench vq [-- VERTICES]`; with `TETREEL_BENCH_EXACT` set,
+//! also against full LBG.
 //!
-//! Encoding: one block of 64 steps of the generated series, megabytes of f32 a second and core, and the signal-to-noise
-//! ratio with that of the exact search (full LBG) beside it. Decoding: any step of a block in memory, nanoseconds a
-//! vertex, one thread; every answer is compared with the formula of the format on the way.
+//! Encoding: one block of 64 steps of the generated series, in megabytes of f32 per second and core, with the signal-to-noise ratio and
+//! that of the exact search (full LBG). Decoding: any step of a block in memory, in nanoseconds per vertex, on one thread; every result is
+//! checked against the format's formula.
 
 use glam::Vec3;
 use std::collections::BTreeMap;
@@ -59,10 +59,10 @@ impl ReadRange for Objects {
     }
 }
 
-/// Values of 64 steps, one after the other, and their vertices, in the order of the store.
+/// Values of 64 steps, one after the other, and the number of vertices, in store order.
 type Series = (Vec<f32>, usize);
 
-/// The first 64 steps of a generated series with some `vertices`.
+/// The first 64 steps of a generated series with about `vertices` vertices.
 fn series(name: SeriesName, vertices: u64) -> Result<Series, Box<dyn Error>> {
     // Kuhn grids have between five and six cells a vertex.
     let source = generate(&SynthSpec { cells: vertices * 57 / 10, steps: STEPS, ..SynthSpec::new(name) })?;
@@ -92,8 +92,7 @@ fn fronts(vertices: u64) -> Result<Series, Box<dyn Error>> {
     Ok((values.map(|(t, p)| value(t, p)).collect(), points.len()))
 }
 
-/// Nanoseconds that this thread has run on a processor; on a busy machine they say more than a clock. 0 where the system
-/// does not tell.
+/// Processor time of this thread in nanoseconds, more reliable than a clock on a busy machine. 0 if the system does not report it.
 fn processor_ns() -> u64 {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
     text.split(' ').next().and_then(|ns| ns.parse().ok()).unwrap_or(0)
@@ -103,9 +102,9 @@ struct Encoding {
     objects: Objects,
     parameters: VqParameters,
     quality: Quality,
-    /// By the clock, and on the processor.
+    /// Wall-clock and processor time.
     seconds: [f64; 2],
-    /// What ranges and moments of the same steps take.
+    /// Time for ranges and moments of the same steps.
     moments_seconds: f64,
 }
 
@@ -144,7 +143,7 @@ fn decode(encoding: Encoding, vertices: usize, values: &[f32]) -> Result<Spread,
 }
 
 fn run() -> Result<(), Box<dyn Error>> {
-    // Arguments of cargo come first.
+    // Skips cargo's own arguments, which are no numbers.
     let numbers: Vec<u64> = std::env::args().filter_map(|a| a.parse().ok()).collect();
     let wanted = numbers.first().copied().unwrap_or(160_000);
     println!("{:?}", Machine::detect());

@@ -1,6 +1,6 @@
-//! Two transfer functions and their blends, as figure 7.6 of the dissertation shows them: each as an image, and below it opacity over
-//! the scalar, filled with its colours. `cargo run --release --example ensembles [OUT.png [STORE.zarr [STEP]]]`; without a store it
-//! generates a small series first.
+//! Two transfer functions and their blends, as in figure 7.6 of the dissertation: each as an image, with its opacity over the scalar below,
+//! filled with its colours. `cargo run --release --example ensembles [OUT.png [STORE.zarr [STEP]]]`; without a store it generates a small
+//! series first.
 
 use std::{env::args, error::Error, path::Path, sync::Arc};
 use tetreel::camera::Camera;
@@ -16,15 +16,15 @@ use tetreel::transfer::{
 
 const SIZE: (usize, usize) = (320, 240);
 const PANEL_HEIGHT: usize = 96;
-/// The opacity that reaches the top of a panel.
+/// Opacity at the top of a panel.
 const PANEL_OPACITY: f64 = 0.25;
 
-/// A box of one colour over a part of the scalar's range.
+/// A box of one colour over a range of scalars.
 fn rectangle(x: [f64; 2], rgb: [f64; 3], opacity: f64) -> Widget {
     Widget::Rectangle(Rectangle { x, y: [0.0, 1.0], rgb, opacity: [opacity; 2] })
 }
 
-/// (a) everything, in three colours; (b) one detail.
+/// (a) the whole range, in three colours; (b) one detail.
 fn members() -> [Member; 2] {
     let all = vec![
         rectangle([0.08, 0.3], [0.2, 0.4, 0.9], 0.015),
@@ -53,7 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let unit_distance = 0.01 * (hi - lo).length();
     let context = Context::new((min, max), (min, max), OpacityKind::Alpha, Lengths::of_unit_distance(unit_distance));
     let mut camera = Camera::default_for((lo, hi))?;
-    // Nearer: at its ends a jet has nothing to show.
+    // Nearer: the ends of a jet are empty.
     camera.position = camera.focal_point.lerp(camera.position, 0.65);
     let [all, detail] = members();
     let one =
@@ -78,7 +78,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Opacity over the scalar's range, filled with the colour there.
+/// Plot of opacity over the scalar's range, filled with the colours.
 fn panel(curve: &Curve, (min, max): (f64, f64)) -> RgbaImage {
     let mut image = RgbaImage::new(SIZE.0, PANEL_HEIGHT);
     for (i, pixel) in image.pixels.iter_mut().enumerate() {
@@ -91,7 +91,7 @@ fn panel(curve: &Curve, (min, max): (f64, f64)) -> RgbaImage {
     image
 }
 
-/// Images of one width, one below the other.
+/// Stacks images of equal width.
 fn stacked(rows: &[RgbaImage]) -> RgbaImage {
     let pixels = rows.iter().flat_map(|row| row.pixels.iter().copied()).collect();
     RgbaImage { width: rows[0].width, height: rows.iter().map(|row| row.height).sum(), pixels }

@@ -1,4 +1,4 @@
-//! Plays a series as fast as it goes and prints every frame's time: `cargo run --release --example play [STORE.zarr]`.
+//! Plays a series as fast as possible and prints every frame's time: `cargo run --release --example play [STORE.zarr]`.
 //! Without a store it generates a small series first. The next frame is prepared while one is rendered.
 
 use std::time::{Duration, Instant};

@@ -1,6 +1,6 @@
-//! The pictures of `docs/sampling.md` and `docs/limitations.md`: which rays are cast, small images at full size, what a time buys, and what rays miss.
-//! `cargo run --release --example sampling [FOLDER [STORE.zarr [STEP [TF]]]]`; without a store it generates a jet first. All pictures but the
-//! last two are of that series, and their names begin with its own.
+//! The pictures of `docs/sampling.md` and `docs/limitations.md`: rays cast, upsampled small images, quality at equal time, and details
+//! missed by rays. `cargo run --release --example sampling [FOLDER [STORE.zarr [STEP [TF]]]]`; without a store it generates a jet first.
+//! All pictures but the last two show that series, and their names begin with its name.
 
 use glam::DVec3;
 use std::{env::args, error::Error, path::Path, sync::Arc};
@@ -21,9 +21,9 @@ use tetreel::transfer::{Lengths, OpacityKind, RangePolicy, TransferFunction, bui
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
-/// Pixels of the sides of the square images.
+/// Side of the square images in pixels.
 const SIDE: usize = 512;
-/// A part of them in which edges are seen, and by how much it is magnified.
+/// Side of the inset in pixels, and its magnification.
 const INSET: usize = 128;
 const MAGNIFIED: usize = 3;
 
@@ -48,7 +48,7 @@ impl Pictures {
         Ok(Self { pipeline, request, exact })
     }
 
-    /// The image of a request, its error, and its time: the least of five.
+    /// The image of a request; prints its error and its time, the least of five.
     fn image(&mut self, name: &str, request: &FrameRequest) -> Result<RgbaImage> {
         let (mut ms, mut rays) = (f64::INFINITY, 0);
         for _ in 0..5 {
@@ -78,7 +78,7 @@ impl Pictures {
         self.request.clone().with_draw(TetDraw::Faces(FaceDetail { lod, ..FaceDetail::ALL }))
     }
 
-    /// The whole image, that of fewer rays, how many rays there are, and twenty times the difference.
+    /// The full image, that of fewer rays, the density of rays, and twenty times the difference.
     fn rays(&mut self) -> Result<RgbaImage> {
         let fewer = self.image("contrast 0.05", &self.adaptive(0.05)?)?;
         let (density, difference) = (density(&self.exact, &fewer), self.difference(&fewer)?);
@@ -89,7 +89,7 @@ impl Pictures {
         Ok(amplified_difference(image, &self.exact, [0.0; 3], Some(20.0))?.0)
     }
 
-    /// A part of the whole image and of what each filter makes of small ones; each row is a scale, 1/8, 1/4 and 1/2.
+    /// Insets of the full image and of each filter's upsampled images; each row is a scale, 1/8, 1/4 and 1/2.
     fn filters(&mut self) -> Result<RgbaImage> {
         let mut images = Vec::new();
         for scale in [ImageScale::Eighth, ImageScale::Quarter, ImageScale::Half] {
@@ -102,7 +102,7 @@ impl Pictures {
         Ok(contact_sheet(&images, 5, 6, [0.0; 3]))
     }
 
-    /// The whole image, and small ones of 1/2, 1/4 and 1/8 after the joint filter.
+    /// The full image, and those of 1/2, 1/4 and 1/8 after the joint filter.
     fn row(&mut self) -> Result<RgbaImage> {
         let mut images = vec![self.exact.clone()];
         for scale in [ImageScale::Half, ImageScale::Quarter, ImageScale::Eighth] {
@@ -111,7 +111,7 @@ impl Pictures {
         Ok(contact_sheet(&images, 4, 6, [0.0; 3]))
     }
 
-    /// A tenth of the faces, that after the joint filter, and all of it.
+    /// A tenth of the faces, the same after the joint filter, and all faces.
     fn filtered_faces(&mut self) -> Result<RgbaImage> {
         let few = self.few_faces(0.1);
         let filter = UpsampleKind::Joint.usual(ImageScale::Full);
@@ -120,7 +120,7 @@ impl Pictures {
         Ok(contact_sheet(&[few, filtered, self.exact.clone()], 3, 6, [0.0; 3]))
     }
 
-    /// Rays, a small image and faces, and below them twenty times their difference from the whole.
+    /// Fewer rays, a small image and fewer faces, with twenty times their difference from the full image below.
     fn equal_time(&mut self) -> Result<RgbaImage> {
         self.image("all rays", &self.request.clone())?;
         let ways = [
@@ -138,7 +138,7 @@ impl Pictures {
     }
 }
 
-/// How many of the pixels around each have the bits of the whole image, where that shows something: dark few, bright all.
+/// Share of the pixels around each that equal the full image bit by bit, where that is not empty: dark for few, bright for all.
 fn density(exact: &RgbaImage, image: &RgbaImage) -> RgbaImage {
     const AROUND: usize = 4;
     let (width, height) = (exact.width, exact.height);
@@ -157,7 +157,7 @@ fn density(exact: &RgbaImage, image: &RgbaImage) -> RgbaImage {
     RgbaImage { width, height, pixels: (0..width * height).map(pixel).collect() }
 }
 
-/// A part of an image around where opacity begins in the middle row of the whole one, magnified.
+/// A magnified part of an image, where opacity begins in the middle row of the full one.
 fn inset(image: &RgbaImage, exact: &RgbaImage) -> RgbaImage {
     let row = exact.height / 2;
     let begins = (0..exact.width).find(|&x| exact.pixels[row * exact.width + x][3] > 0.05).unwrap_or(exact.width / 2);
@@ -170,7 +170,7 @@ fn inset(image: &RgbaImage, exact: &RgbaImage) -> RgbaImage {
     RgbaImage { width: side, height: side, pixels: (0..side * side).map(pixel).collect() }
 }
 
-/// A sheet seen from its edge, thinner than the distance of two rays, in a thin fog: all rays, and those that contrast asks for.
+/// A sheet seen edge-on, thinner than the distance of two rays, in a thin fog: all rays, and those selected by contrast.
 fn missed(store: &Store) -> Result<RgbaImage> {
     let mesh = Pipeline::open(store, None)?.mesh().clone();
     let (lo, hi) = mesh.positions.world_bounds();
@@ -199,7 +199,7 @@ fn missed(store: &Store) -> Result<RgbaImage> {
     Ok(contact_sheet(&images, 2, 6, [0.0; 3]))
 }
 
-/// All rays of a job, and those that contrast asks for.
+/// All rays of a job, and those selected by contrast.
 fn all_and_fewer(name: &str, job: &RenderJob) -> Result<[RgbaImage; 2]> {
     let image = |contrast| -> Result<RgbaImage> {
         Ok(Raycast::new().render(RenderJob { contrast, ..job.clone() })?.planes.color.clone())
@@ -209,8 +209,8 @@ fn all_and_fewer(name: &str, job: &RenderJob) -> Result<[RgbaImage; 2]> {
     Ok(images)
 }
 
-/// Five parts of five pixels in front of a larger one: all rays, and those that contrast asks for, whose coarsest ones meet the second and the
-/// fourth part.
+/// Five parts, five pixels in size, in front of a larger one: all rays, and those selected by contrast, the coarsest of which meet the
+/// second and fourth part.
 fn missed_parts() -> Result<RgbaImage> {
     const SIDE: usize = 128;
     const ENLARGED: usize = 2;

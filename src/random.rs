@@ -1,4 +1,4 @@
-//! Random numbers that are the same on every machine: SplitMix64 as a stream and as a hash.
+//! Random numbers that are identical on every machine: SplitMix64 as a stream and as a hash.
 
 /// The golden-ratio increment of SplitMix64.
 const GAMMA: u64 = 0x9E37_79B9_7F4A_7C15;

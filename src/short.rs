@@ -1,19 +1,18 @@
-//! Numbers as people read them.
+//! Numbers in short, readable form.
 
 use std::fmt::{self, Display, LowerExp};
 
-/// A number in the fewest digits that read back as the same one: with an exponent where there would be many zeros or digits
-/// that say nothing.
+/// A number in the fewest digits that parse back to it, with an exponent if it would need many zeros.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Short<T>(pub(crate) T);
 
-/// Exponents of the numbers that are written without one.
+/// Exponents of numbers written without one.
 const PLAIN: std::ops::RangeInclusive<i32> = -5..=8;
 
 impl<T: Display + LowerExp> Display for Short<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let text = format!("{:e}", self.0);
-        // What is not finite has no exponent.
+        // Non-finite numbers have no exponent.
         let exponent = text.split_once('e').and_then(|(_, exponent)| exponent.parse().ok());
         if exponent.is_none_or(|exponent| PLAIN.contains(&exponent)) {
             Display::fmt(&self.0, f)

@@ -1,9 +1,9 @@
-//! Slow-downs on purpose: how the throughput gate is shown to notice them (`cargo bench --bench gate --features slowdown -- prove`).
+//! Deliberate slow-downs, which show that the throughput gate notices them (`cargo bench --bench gate --features slowdown -- prove`).
 //!
-//! What the gate counts or times has a [`Slow`] and one call of [`waste`], with the units of its work. Without the feature
-//! `slowdown` the call does nothing and is compiled to nothing. With it, the places that the environment variable
-//! `TETREEL_SLOWDOWN` names (with commas between them) lose so many thousandths of an instruction a unit as its rate says:
-//! a tenth of what a counted kernel costs, and more than its limit allows of what is timed.
+//! Everything that the gate counts or times has a [`Slow`] and one call of [`waste`], with the units of its work. Without the feature
+//! `slowdown` the call compiles to nothing. With it, the places in the environment variable `TETREEL_SLOWDOWN` (comma-separated) waste
+//! instructions at their rate, in thousandths of an instruction per unit: a tenth of a counted kernel's cost, and more than the limit of a
+//! timed ratio allows.
 
 /// A place that can be slowed down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,7 +18,7 @@ pub(crate) enum Slow {
     WalkPortable,
     /// A unit is a cell of the mesh.
     Entries,
-    /// Faces into tiles; a unit is a face.
+    /// Binning of faces into tiles; a unit is a face.
     Raster,
     /// A unit is a fragment.
     KBuffer,
@@ -28,9 +28,9 @@ pub(crate) enum Slow {
     ActiveCells,
     /// A unit is a face of the mesh.
     LodSelection,
-    /// A unit is a point of the curve that the table is made from.
+    /// A unit is a point of the curve from which the table is made.
     NodeTable,
-    /// A unit is a point of the curve that comes out.
+    /// A unit is a point of the resulting curve.
     Ensemble,
     /// A unit is a value.
     EncodeVq,
@@ -40,7 +40,7 @@ pub(crate) enum Slow {
     ReadXdmf,
     /// A unit is a file.
     StoreChunk,
-    /// Frames from which all is left out that can be; a unit is a cell.
+    /// Frames with all skipping; a unit is a cell.
     Skipping,
     /// The walk in lanes, as timed; a unit is a step from cell to cell.
     Lanes,
@@ -48,30 +48,30 @@ pub(crate) enum Slow {
     FaceLanes,
     /// Decoding of codec `vq`, as timed; a unit is a vertex.
     DecodeLanes,
-    /// Frames that are prepared while others are rendered; a unit is a cell.
+    /// Frames prepared while others are rendered; a unit is a cell.
     Pipelined,
-    /// Frames of some of the faces; a unit is a fragment.
+    /// Frames of a share of the faces; a unit is a fragment.
     FewFaces,
-    /// Rays that end since they are opaque, as timed; a unit is a ray.
+    /// Early termination of opaque rays, as timed; a unit is a ray.
     OpaqueRays,
     /// A unit is a cell beyond half a million.
     LargeMeshes,
-    /// A unit is a cell less than fifty thousand.
+    /// A unit is a cell below fifty thousand.
     CoarseMeshes,
-    /// A unit is a cell of a mesh that is seen for the first time.
+    /// A unit is a cell of a mesh in its first frame.
     FirstFrame,
-    /// A unit is a frame that came before.
+    /// A unit is an earlier frame.
     LateFrames,
     /// A unit is a value of a step.
     Import,
 }
 
-/// Wastes the time of so many units if the place is to be slowed down; here it never is.
+/// Wastes the time of these units if the place is slowed down; here it never is.
 #[cfg(not(feature = "slowdown"))]
 #[inline(always)]
 pub(crate) fn waste(_place: Slow, _units: usize) {}
 
-/// Frames so far, if they are to become slower and slower; here nobody asks.
+/// Number of frames so far, if frames slow down over time; here they do not.
 #[cfg(not(feature = "slowdown"))]
 #[inline(always)]
 pub(crate) fn frames_before() -> usize {
@@ -88,10 +88,10 @@ mod with_feature {
     use std::sync::OnceLock;
     use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
-    /// Names of the places to slow down, with commas between them.
+    /// Comma-separated names of the places to slow down.
     const VARIABLE: &str = "TETREEL_SLOWDOWN";
 
-    /// Instructions of one turn of the loop that wastes them.
+    /// Instructions per turn of the wasting loop.
     const PER_TURN: usize = 4;
 
     const PLACES: [Slow; 28] = [
@@ -126,7 +126,7 @@ mod with_feature {
     ];
 
     impl Slow {
-        /// The name in the environment variable and in the gate, and thousandths of an instruction that a unit loses.
+        /// The name in the environment variable and in the gate, and the wasted thousandths of an instruction per unit.
         const fn name_and_rate(self) -> (&'static str, usize) {
             match self {
                 Self::DecodeVq => ("decode_vq", 560),
@@ -161,7 +161,7 @@ mod with_feature {
         }
     }
 
-    /// Places to slow down.
+    /// The places to slow down.
     fn slowed() -> &'static [Slow] {
         static SLOWED: OnceLock<Vec<Slow>> = OnceLock::new();
         SLOWED.get_or_init(|| {
@@ -175,7 +175,7 @@ mod with_feature {
         })
     }
 
-    /// Wastes the time of so many units if the place is to be slowed down.
+    /// Wastes the time of these units if the place is slowed down.
     #[inline(never)]
     pub(crate) fn waste(place: Slow, units: usize) {
         if slowed().contains(&place) {
@@ -186,7 +186,7 @@ mod with_feature {
         }
     }
 
-    /// Frames so far: with [`Slow::LateFrames`], each is slower than the one before.
+    /// Number of frames so far: with [`Slow::LateFrames`], each is slower than the one before.
     pub(crate) fn frames_before() -> usize {
         static FRAMES: AtomicUsize = AtomicUsize::new(0);
         FRAMES.fetch_add(1, Relaxed)

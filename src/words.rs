@@ -1,15 +1,15 @@
-//! Words that stand for the values of an enum, on the command line and in files.
+//! Names of enum values on the command line and in files.
 
-/// Gives an enum without data its words: `ALL`, `as_str`, `Display`, and a `FromStr` that names all words where it is given another.
+/// Gives an enum without data its names: `ALL`, `as_str`, `Display`, and a `FromStr` whose error lists all names.
 ///
 /// `words!(Kind, "there is no kind", ["one" = One, "other" = Other])`
 macro_rules! words {
     ($kind:ident, $none:literal, [$($word:literal = $variant:ident),+]) => {
         impl $kind {
-            /// All of them.
+            /// All values.
             pub const ALL: [Self; [$($word),+].len()] = [$(Self::$variant),+];
 
-            /// The word on the command line and in files.
+            /// The name on the command line and in files.
             pub fn as_str(self) -> &'static str {
                 match self {
                     $(Self::$variant => $word),+
@@ -35,7 +35,7 @@ macro_rules! words {
 }
 pub(crate) use words;
 
-/// Words as a sentence has them: "one, two or three".
+/// Joins words as in a sentence: "one, two or three".
 pub(crate) fn choice(words: &[&str]) -> String {
     match words {
         [] => String::new(),
@@ -44,7 +44,7 @@ pub(crate) fn choice(words: &[&str]) -> String {
     }
 }
 
-/// Finite numbers with commas between them, as `1,0.5,-2`; `None` if these are not so many.
+/// Parses `N` comma-separated finite numbers, as `1,0.5,-2`; `None` for another count or an invalid number.
 pub(crate) fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
     let parts: Option<Vec<f64>> =
         text.split(',').map(|part| part.trim().parse().ok().filter(|x: &f64| x.is_finite())).collect();

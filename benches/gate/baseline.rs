@@ -1,5 +1,4 @@
-//! The committed counts: reading, comparing and writing them. Needs nothing of the gate beside it, so that `tests/it/gate.rs` can
-//! take it in.
+//! Reads, compares and writes the committed counts. Independent of the rest of the gate, so that `tests/it/gate.rs` can include it.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -8,20 +7,20 @@ use std::path::Path;
 /// Version of the file's format.
 pub const VERSION: u32 = 1;
 
-/// How far a count may be from the baseline's, as a part of it.
+/// Allowed relative deviation of a count from the baseline's.
 pub const BAND: f64 = 0.05;
 
-/// Instructions by the names of kernels.
+/// Instruction counts by kernel name.
 pub type Counts = BTreeMap<String, u64>;
 
-/// What counts depend on beside the source.
+/// Tools that counts depend on, besides the source.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Tools {
     /// Release and commit of the compiler.
     pub rustc: String,
-    /// What `valgrind --version` says.
+    /// Output of `valgrind --version`.
     pub valgrind: String,
-    /// What is compiled for.
+    /// Compilation target.
     pub target: String,
 }
 
@@ -33,28 +32,28 @@ pub struct Baseline {
     pub version: u32,
     /// Release and commit of the compiler.
     pub rustc: String,
-    /// What `valgrind --version` says.
+    /// Output of `valgrind --version`.
     pub valgrind: String,
-    /// What is compiled for.
+    /// Compilation target.
     pub target: String,
-    /// Why these counts are right.
+    /// Reason for the last renewal.
     pub reason: String,
-    /// Instructions by the names of kernels.
+    /// Instruction counts by kernel name.
     pub kernels: Counts,
 }
 
 impl Baseline {
-    /// Counts that are right for this reason.
+    /// A baseline of these counts, with the reason for renewing.
     pub fn new(tools: Tools, reason: &str, kernels: Counts) -> Self {
         let Tools { rustc, valgrind, target } = tools;
         Self { version: VERSION, rustc, valgrind, target, reason: reason.to_owned(), kernels }
     }
 
-    /// The baseline in a text; `path` is its file.
+    /// Parses a baseline; `path` is its file, for messages.
     ///
     /// # Errors
-    /// If it is damaged, of another version, or has not the counts of exactly the kernels `names`; says where, and that `renew` is the
-    /// command that helps.
+    /// If it is damaged, of another version, or does not have counts of exactly the kernels `names`; the message has the position and
+    /// `renew`, the command that helps.
     pub fn parse(text: &str, path: &Path, names: &[&str], renew: &str) -> Result<Self, String> {
         let fail = |problem: String| {
             format!("{}: {problem}; restore it from git, or write it again with: {renew}", path.display())
@@ -65,7 +64,7 @@ impl Baseline {
             Some(version) => return Err(fail(format!("'version' is {version}, and this gate reads {VERSION}"))),
             None => return Err(fail("has no 'version'".to_owned())),
         }
-        // From the text again: it knows lines and columns.
+        // Parsed again from the text, for errors with line and column.
         let baseline: Self = serde_json::from_str(text).map_err(|e| fail(format!("is damaged: {e}")))?;
         let kernels = &baseline.kernels;
         if let Some(name) = names.iter().find(|name| !kernels.contains_key(**name)) {
@@ -80,15 +79,15 @@ impl Baseline {
         Ok(baseline)
     }
 
-    /// The text of the file.
+    /// The baseline as text of its file.
     ///
     /// # Errors
-    /// None that is known; those of serde.
+    /// None known; those of serde.
     pub fn text(&self) -> Result<String, serde_json::Error> {
         Ok(serde_json::to_string_pretty(self)? + "\n")
     }
 
-    /// What makes these counts no measure for counts with `tools`, if anything does.
+    /// The difference that makes these counts incomparable with counts by `tools`, if any.
     pub fn other_tools(&self, tools: &Tools) -> Option<String> {
         let pairs = [
             ("compiler", &self.rustc, &tools.rustc),
@@ -101,20 +100,20 @@ impl Baseline {
     }
 }
 
-/// What a count is beside the baseline's.
+/// Verdict on a count against the baseline's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Change {
-    /// Within the band.
+    /// The count is within the band.
     Same,
-    /// More than the band allows.
+    /// The count is above the band.
     Slower,
-    /// Fewer: the baseline should be renewed, lest what was gained may be lost again unseen.
+    /// The count is below the band: the baseline should be renewed, or the gain could be lost unnoticed.
     Faster,
-    /// There is nothing to compare with.
+    /// The baseline has no such count.
     New,
 }
 
-/// How a count differs: the part of the old one that it has more, and what that means.
+/// Relative change of a count, and the verdict.
 pub fn compare(old: Option<u64>, new: u64) -> (f64, Change) {
     let Some(old) = old else { return (0.0, Change::New) };
     let more = new as f64 / old as f64 - 1.0;

@@ -10,10 +10,10 @@ use std::process::Command;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-/// The function that callgrind looks at, `kernels::counted_by_callgrind`, however its name is mangled.
+/// The function that callgrind counts, `kernels::counted_by_callgrind`, with any mangling.
 const COUNTED: &str = "*counted_by_callgrind*";
 
-/// Counts and compares with the baseline, or with the parent commit if the tools are not those of the baseline.
+/// Counts, and compares with the baseline, or with the parent commit if the tools differ from the baseline's.
 pub fn gate() -> Verdict {
     let tools = tools()?;
     let baseline = committed()?;
@@ -41,7 +41,7 @@ pub fn print_json() -> Verdict {
     Ok(true)
 }
 
-/// Prints counts beside older ones; whether all are within the band.
+/// Prints counts beside older ones; returns whether all are within the band.
 pub fn judge(old: &Counts, new: &Counts, of: &str) -> bool {
     let mut rows = vec![row(["kernel", of, "instructions", "change", "verdict"])];
     let mut worst = None;
@@ -79,10 +79,10 @@ pub fn judge(old: &Counts, new: &Counts, of: &str) -> bool {
     worst.is_none()
 }
 
-/// Counts all kernels, as many side by side as there are processors; each with its own place slowed down if `slowed`.
+/// Counts all kernels, one per processor at a time; if `slowed`, each with its own place slowed down.
 pub fn count(slowed: bool) -> Result<Counts, Trouble> {
     let started = Instant::now();
-    // Its name is always as long, and has no dots: paths are a part of what some kernels work on.
+    // A name of fixed length without dots, since some kernels process paths.
     let scratch = tempfile::Builder::new().prefix("gate-").rand_bytes(8).tempdir()?;
     let (next, found) = (Mutex::new(kernels::names().into_iter()), Mutex::new(Vec::new()));
     let work = || {
@@ -113,9 +113,9 @@ fn count_one(name: &str, folder: &Path, slowed: bool) -> Result<u64, Trouble> {
     command.args(["--quiet", "--tool=callgrind", "--separate-threads=yes", "--callgrind-out-file=../out/counts"]);
     command.arg(format!("--toggle-collect={COUNTED}"));
     command.arg(std::env::current_exe()?).args(["kernel", name, "."]);
-    // Neither variables nor the names of temporary folders change a count.
+    // Environment variables and names of temporary folders must not change a count.
     command.env_clear().current_dir(&data);
-    // Every small allocation comes from a list of its size: else it depends on the names of folders which are cut from others.
+    // Small allocations come from lists by size; otherwise they depend on the lengths of folder names.
     command.env("GLIBC_TUNABLES", "glibc.malloc.tcache_max=65536:glibc.malloc.tcache_count=127");
     if slowed {
         command.env("TETREEL_SLOWDOWN", name);
@@ -127,14 +127,14 @@ fn count_one(name: &str, folder: &Path, slowed: bool) -> Result<u64, Trouble> {
     let mut counts = Vec::new();
     for entry in fs::read_dir(&out)? {
         let text = fs::read_to_string(entry?.path())?;
-        // The file without the number of a thread has nothing in it.
+        // The file without a thread number is empty.
         if text.is_empty() {
             continue;
         }
         let total = text.lines().find_map(|line| line.strip_prefix("totals:")?.trim().parse::<u64>().ok());
         counts.push(total.ok_or_else(|| fail("callgrind gives no totals".to_owned()))?);
     }
-    // One file for each thread that there ever was.
+    // One file per thread that was ever started.
     match counts[..] {
         [0] => Err(fail("nothing was counted: callgrind did not see the function that is counted".to_owned())),
         [count] => Ok(count),

@@ -1,15 +1,15 @@
-//! The throughput gate: instruction counts of kernels against `benches/baseline.json`, and ratios of run times of one process.
+//! The throughput gate: instruction counts of kernels against `benches/baseline.json`, and ratios of run times within one process.
 //!
 //! ```text
 //! cargo bench --bench gate                       counts and ratios
-//! cargo bench --bench gate -- counts [--json]    counts alone; as JSON, compared with nothing
+//! cargo bench --bench gate -- counts [--json]    counts alone; as JSON, without comparison
 //! cargo bench --bench gate -- ratios             ratios alone
 //! cargo bench --bench gate -- renew "REASON"     counts, and writes them as the new baseline
-//! cargo bench --bench gate --features slowdown -- prove    shows that each kernel and ratio trips if it is slowed down
+//! cargo bench --bench gate --features slowdown -- prove    shows that each kernel and ratio fails if slowed down
 //! ```
 //!
-//! The exit code is 0 if all is well, 1 if something has become slower (or so much faster that the baseline is out of date), and 2
-//! if that could not be found out. `docs/performance.md` has more about it.
+//! The exit code is 0 on success, 1 if something has become slower (or so much faster that the baseline is outdated), and 2 without a
+//! verdict. `docs/performance.md` has details.
 
 mod baseline;
 mod counts;
@@ -35,10 +35,10 @@ impl<E: std::fmt::Display> From<E> for Trouble {
     }
 }
 
-/// Whether all is well, or why that is not known.
+/// Whether the gate passes, or why it has no verdict.
 pub type Verdict = Result<bool, Trouble>;
 
-/// The command that makes the counts of now the baseline.
+/// The command that renews the baseline.
 pub const RENEW: &str = "cargo bench --bench gate -- renew \"REASON\"";
 
 const USAGE: &str = "usage: cargo bench --bench gate [-- counts [--json] | ratios | renew \"REASON\" | prove]";
@@ -55,7 +55,7 @@ fn main() -> ExitCode {
         ["renew"] => renew::renew(None),
         ["renew", reason] => renew::renew(Some(reason)),
         ["prove"] => prove::prove(),
-        // What the gate runs itself as.
+        // How the gate runs itself.
         ["kernel", name, folder] => kernels::run(name, Path::new(folder)),
         ["ratio", name] => ratios::once(name),
         _ => Err(Trouble(USAGE.to_owned())),
@@ -70,7 +70,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Counts, then ratios, even if the counts have changed.
+/// Runs counts, then ratios, even if the counts have changed.
 fn both() -> Verdict {
     let counts = counts::gate()?;
     Ok(ratios::gate()? && counts)

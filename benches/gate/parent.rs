@@ -1,4 +1,4 @@
-//! The counts of the parent commit, with the tools of now.
+//! Counts of the parent commit, with the current tools.
 
 use crate::baseline::Counts;
 use crate::tools::root;
@@ -7,10 +7,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Counts the commit that this tree is a change of: `HEAD` if it has changes that are not committed, else the one before.
+/// Counts the commit that this tree changes: `HEAD` if there are uncommitted changes, else its parent.
 ///
 /// # Errors
-/// If there is none, if it has no gate, or cannot be built or counted; says how the baseline is renewed instead.
+/// If it does not exist, has no gate, or cannot be built or counted; the message says how to renew the baseline instead.
 pub fn counts() -> Result<Counts, Trouble> {
     counted().map_err(|problem| {
         Trouble(format!("the parent commit cannot be counted: {problem}; look at the counts yourself, then: {RENEW}"))
@@ -26,7 +26,7 @@ fn counted() -> Result<Counts, String> {
     let target = target()?;
     let scratch = tempfile::Builder::new().prefix("gate-parent-").tempdir_in(&target).map_err(|e| e.to_string())?;
     let tree = scratch.path().join("tree");
-    // An index of its own: nothing of the repository changes.
+    // A separate index leaves the repository unchanged.
     let index = scratch.path().join("index");
     run(git().env("GIT_INDEX_FILE", &index).args(["read-tree", commit]))?;
     let prefix = format!("--prefix={}/", tree.display());
@@ -47,7 +47,7 @@ fn git() -> Command {
     git
 }
 
-/// The folder that this program was built in: what both versions are built on is shared.
+/// The target folder of this program; both versions share their dependencies there.
 fn target() -> Result<PathBuf, String> {
     let program = std::env::current_exe().map_err(|e| e.to_string())?;
     // target/release/deps/gate-0123
@@ -55,8 +55,7 @@ fn target() -> Result<PathBuf, String> {
     Ok(target.to_owned())
 }
 
-/// Gives the package another version: cargo would take what is built of it for what is built of this tree, and the other way round,
-/// since both have the same path in their workspace.
+/// Changes the package's version: otherwise cargo would confuse the builds of the two trees, which have the same path in their workspace.
 fn rename(manifest: &Path) -> Result<(), String> {
     let text = fs::read_to_string(manifest).map_err(|e| e.to_string())?;
     let line = text.lines().find(|line| line.starts_with("version = \"")).ok_or("has no version")?;
@@ -64,7 +63,7 @@ fn rename(manifest: &Path) -> Result<(), String> {
     fs::write(manifest, text.replacen(line, &other, 1)).map_err(|e| e.to_string())
 }
 
-/// Builds the gate of a tree; its program.
+/// Builds the gate of a tree; returns its program.
 fn build(tree: &Path, target: &Path) -> Result<PathBuf, String> {
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
     let mut command = Command::new(cargo);
@@ -78,7 +77,7 @@ fn build(tree: &Path, target: &Path) -> Result<PathBuf, String> {
     programs.next_back().ok_or_else(|| "cargo names no program".to_owned())
 }
 
-/// What a command prints.
+/// Output of a command.
 fn run(command: &mut Command) -> Result<String, String> {
     let name = format!("{command:?}");
     let output = command.output().map_err(|e| format!("{name}: {e}"))?;
@@ -86,7 +85,7 @@ fn run(command: &mut Command) -> Result<String, String> {
         return String::from_utf8(output.stdout).map_err(|e| format!("{name}: {e}"));
     }
     let said = String::from_utf8_lossy(&output.stderr).trim().to_owned();
-    // The end says why.
+    // The end of the output has the reason.
     let last = said.lines().rev().take(20).collect::<Vec<_>>().into_iter().rev().collect::<Vec<_>>().join("\n");
     Err(format!("{name}: {}: {last}", output.status))
 }

@@ -1,4 +1,4 @@
-//! What the gate notices: each kernel and each ratio with its own place slowed down, and nothing slowed down.
+//! Proves the gate's sensitivity: each kernel and each ratio with its own place slowed down, and without slow-down.
 
 use crate::baseline::{Change, compare};
 use crate::counts::{committed, count};
@@ -6,7 +6,7 @@ use crate::table::{grouped, print, row};
 use crate::tools::tools;
 use crate::{Trouble, Verdict, ratios};
 
-/// Shows that all trip if they are slowed down, and none does otherwise.
+/// Shows that every check fails if slowed down, and none otherwise.
 pub fn prove() -> Verdict {
     if !cfg!(feature = "slowdown") {
         return Err(Trouble(
@@ -21,7 +21,7 @@ pub fn prove() -> Verdict {
 fn prove_counts() -> Verdict {
     let (tools, baseline) = (tools()?, committed()?);
     let plain = count(false)?;
-    // With other tools what is not slowed down is the measure, and nothing is said about it.
+    // With other tools, the counts without slow-down are the reference and not checked themselves.
     let old = if baseline.other_tools(&tools).is_none() { baseline.kernels } else { plain.clone() };
     let slowed = count(true)?;
     let mut rows = vec![row(["kernel", "as it is", "change", "slowed down", "change", "verdict"])];

@@ -1,4 +1,4 @@
-//! Writing the baseline again.
+//! Renews the baseline.
 
 use crate::baseline::{Baseline, Counts};
 use crate::counts::{committed, count, judge};
@@ -7,7 +7,7 @@ use crate::{RENEW, Trouble, Verdict};
 use std::fs;
 use std::io::{IsTerminal, Write};
 
-/// Counts, shows what has changed, and writes the baseline if there is a reason.
+/// Counts, prints the changes, and writes the baseline if there is a reason.
 pub fn renew(reason: Option<&str>) -> Verdict {
     if reason.is_some_and(|reason| reason.trim().is_empty()) || reason.is_none() && !std::io::stdin().is_terminal() {
         return Err(Trouble(format!("say why the counts may change: {RENEW}")));

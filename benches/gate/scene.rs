@@ -1,4 +1,4 @@
-//! What kernels and ratios draw: a generated jet.
+//! Scenes of kernels and ratios: a generated jet.
 
 use glam::DVec3;
 use std::error::Error;
@@ -14,9 +14,9 @@ use tetreel::task::Cancel;
 use tetreel::transfer::{Lengths, MappedRange, OpacityKind, TransferFunction, build_node_table};
 use tetreel::visibility::{CellSet, DepthOrder, DrawnFaces};
 
-/// Every cell is visible.
+/// Transfer function in which every cell is visible.
 pub const DENSE: &str = "viridis@0:0.05,1:0.5";
-/// Few are.
+/// Transfer function in which few cells are visible.
 pub const TENTS: &str = "viridis@0:0,0.2:0,0.25:0.3,0.3:0,0.48:0,0.53:0.5,0.58:0,0.72:0,0.8:0.8,0.88:0,1:0";
 /// Range of the jet's scalars.
 pub const RANGE: (f64, f64) = (0.0, 1.2);
@@ -24,13 +24,13 @@ pub const RANGE: (f64, f64) = (0.0, 1.2);
 /// A jet at some steps.
 pub struct Jet {
     pub mesh: Arc<Mesh>,
-    /// Those of the steps, one after the other.
+    /// Scalars of the steps.
     pub scalars: Vec<Arc<Vec<f32>>>,
     bounds: (DVec3, DVec3),
 }
 
 impl Jet {
-    /// A jet of about so many cells, at these of nine steps.
+    /// A jet of about this number of cells, at these of nine steps.
     pub fn new(cells: u64, steps: &[usize]) -> Result<Self, Box<dyn Error>> {
         let jet = generate(&SynthSpec { cells, steps: 9, ..SynthSpec::new(SeriesName::Jet) })?;
         let (mesh, _) = Mesh::build(jet.mesh()?)?;
@@ -48,7 +48,7 @@ impl Jet {
         self.mesh.topology.tets.len()
     }
 
-    /// One per cent of the diagonal.
+    /// Unit distance: one per cent of the diagonal.
     pub fn unit_distance(&self) -> f64 {
         0.01 * (self.bounds.1 - self.bounds.0).length()
     }
@@ -59,14 +59,14 @@ impl Jet {
         let table = build_node_table(
             &TransferFunction::parse(tf)?,
             &range,
-            // Linear between points, so that a table has no more nodes than it must: what is guarded is not its length.
+            // Linear between points, so that tables are as short as possible: their length is not tested.
             OpacityKind::Extinction,
             &Lengths::of_unit_distance(self.unit_distance()),
         )?;
         Ok(Arc::new(table))
     }
 
-    /// All cells at the first step, in a square of so many pixels.
+    /// A job of all cells at the first step, square, `pixels` wide.
     pub fn job(&self, tf: &str, pixels: usize) -> Result<RenderJob, Box<dyn Error>> {
         let scalars = self.scalars.first().ok_or("no step was read")?.clone();
         let view = Camera::default_for(self.bounds)?.view(pixels, pixels)?;
@@ -74,7 +74,7 @@ impl Jet {
         Ok(RenderJob::new(self.mesh.clone(), scalars, active, view, self.table(tf)?))
     }
 
-    /// The same with a share of the inner faces, front to back.
+    /// A job of a share of the interior faces, front to back.
     pub fn job_of_faces(&self, tf: &str, pixels: usize, share: f64) -> Result<RenderJob, Box<dyn Error>> {
         let job = self.job(tf, pixels)?;
         let ranking = Arc::new(Ranking::by_hash(&self.mesh.topology));

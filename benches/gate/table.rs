@@ -1,6 +1,6 @@
-//! Aligned columns.
+//! Tables with aligned columns.
 
-/// Prints rows, the first of which is the head: the first and the last column to the left, all others to the right.
+/// Prints rows, the first of which is the header: the first and last column left-aligned, all others right-aligned.
 pub fn print(rows: &[Vec<String>]) {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let width = |column: usize| rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max();

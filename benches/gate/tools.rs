@@ -1,11 +1,11 @@
-//! The compiler and valgrind, and where things are.
+//! Versions of the compiler and valgrind, and paths.
 
 use crate::Trouble;
 use crate::baseline::Tools;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The committed counts.
+/// Path of the committed counts.
 pub fn baseline_path() -> PathBuf {
     root().join("benches").join("baseline.json")
 }
@@ -18,9 +18,9 @@ pub fn root() -> &'static Path {
 /// The versions of the tools.
 ///
 /// # Errors
-/// If one is missing.
+/// If a tool is missing.
 pub fn tools() -> Result<Tools, Trouble> {
-    // Under cargo this is the compiler that has built this program.
+    // Under cargo this is the compiler of this program.
     let rustc = std::env::var("RUSTC").unwrap_or_else(|_| "rustc".to_owned());
     let said = said(Command::new(&rustc).arg("-vV"))
         .map_err(|problem| Trouble(format!("{rustc} -vV: {problem}; run the gate with cargo")))?;
@@ -41,7 +41,7 @@ fn valgrind() -> Result<String, Trouble> {
     })
 }
 
-/// What a command prints.
+/// Output of a command.
 fn said(command: &mut Command) -> Result<String, String> {
     let output = command.output().map_err(|e| e.to_string())?;
     if !output.status.success() {

@@ -1,13 +1,12 @@
-//! The accuracy suite: every path from scalars to pixels against the judge, on the same scenes, milliseconds beside error.
+//! The accuracy suite: the error of every path from scalars to pixels against the judge, and its time, on the same scenes.
 //!
-//! A *path* ([`AccuracyPath`]) is one choice of renderer, backend, optics, level of detail, buffer and image scale; the list
-//! of them is data ([`paths`]). A *scene* ([`AccuracyScene`]) is a step, a camera and a transfer function. The judge, the
-//! float64 reference at full size, renders each scene once ([`judge`]); all paths, and all codecs of the same values, are
-//! compared with these images ([`run_accuracy`]).
+//! A *path* ([`AccuracyPath`]) is one choice of renderer, backend, optics, level of detail, k-buffer and image scale; [`paths`] lists them.
+//! A *scene* ([`AccuracyScene`]) is a step, a camera and a transfer function. The judge, the float64 reference at full size, renders each
+//! scene once ([`judge`]); all paths, and all codecs of the same values, are compared with these images ([`run_accuracy`]).
 //!
-//! A frame is timed as if it shared nothing with the one before ([`Skip::unchanged`] off): decode, order and render are all
-//! paid, and the frame timed is the one that is judged. What is made once for a mesh or a transfer function (rankings of
-//! faces, pre-integrated tables, pipelines of a GPU) is made before the clock starts.
+//! Frames are timed without reuse of the previous frame ([`Skip::unchanged`] off): each pays for decode, order and render, and the timed
+//! frame is the judged one. Data made once per mesh or transfer function (face rankings, pre-integrated tables, GPU pipelines) is made
+//! before the clock starts.
 
 mod equal_time;
 mod integration;
@@ -36,21 +35,21 @@ use crate::stats::FrameStats;
 use crate::task::{Cancel, Progress};
 use crate::visibility::Skip;
 
-/// Scenes and what they should look like.
+/// Scenes with their reference images.
 #[derive(Clone, Debug)]
 pub struct Judged {
     /// The scenes.
     pub scenes: Vec<AccuracyScene>,
     /// The judge's image of each, at full size.
     pub images: Vec<RgbaImage>,
-    /// What the judge paid for each.
+    /// The judge's statistics of each scene.
     pub stats: Vec<FrameStats>,
 }
 
-/// Renders every scene with the judge; `progress` hears of each.
+/// Renders every scene with the judge; `progress` is told of each.
 ///
 /// # Errors
-/// If a step cannot be read, there is no view through a camera, or `cancel` was raised.
+/// If a step cannot be read, a camera has no view, or `cancel` was raised.
 pub fn judge(
     pipeline: &mut Pipeline,
     scenes: Vec<AccuracyScene>,
@@ -68,40 +67,40 @@ pub fn judge(
     Ok(Judged { scenes, images, stats })
 }
 
-/// Everything may be left out that the image does not need, but for what is known from the frame before.
+/// All skipping except reuse of the previous frame.
 const ALONE: Skip = Skip { unchanged: false, ..Skip::ALL };
 
-/// What the suite measures of one series.
+/// Input of the suite for one series.
 #[derive(Clone, Copy, Debug)]
 pub struct AccuracyBench<'a> {
     /// Name of the data set.
     pub dataset: &'a str,
-    /// The scenes, and what they should look like.
+    /// The scenes and their reference images.
     pub judged: &'a Judged,
-    /// What the judge has seen: [`JUDGE_REFERENCE`](super::JUDGE_REFERENCE) for the values of this series,
-    /// [`JUDGE_RAW`](super::JUDGE_RAW) for those that it was compressed from.
+    /// Values that the judge rendered: [`JUDGE_REFERENCE`](super::JUDGE_REFERENCE) for those of this series,
+    /// [`JUDGE_RAW`](super::JUDGE_RAW) for those before compression.
     pub judge: &'a str,
     /// The paths to measure.
     pub paths: &'a [AccuracyPath],
-    /// Frames timed of each path and scene, at least one.
+    /// Timed frames of each path and scene, at least one.
     pub frames: usize,
-    /// Bytes of the values as f32 over those in the store.
+    /// Compression ratio: bytes of the values as f32 over those in the store.
     pub ratio: Option<f64>,
 }
 
-/// What the suite has measured of one series.
+/// Results of the suite for one series.
 #[derive(Clone, Debug, Default)]
 pub struct AccuracyRuns {
     /// A run for each path and scene, path by path.
     pub runs: Vec<BenchRun>,
-    /// Paths that the GPU refused, and why.
+    /// Paths that the GPU rejected, and why.
     pub refused: Vec<String>,
 }
 
-/// Renders every scene on every path; `progress` hears of each path and scene.
+/// Renders every scene on every path; `progress` is told of each path and scene.
 ///
 /// # Errors
-/// If a step cannot be read, a device fails, or `cancel` was raised. What is beyond a GPU is no error, but refused.
+/// If a step cannot be read, a device fails, or `cancel` was raised. Paths beyond a GPU's limits are reported as refused.
 pub fn run_accuracy(
     pipeline: &mut Pipeline,
     bench: &AccuracyBench<'_>,
@@ -125,7 +124,7 @@ pub fn run_accuracy(
     Ok(measured)
 }
 
-/// The runs of the judge itself, for the record: what being right costs. They have no error, being compared with nothing.
+/// The runs of the judge itself, for its times. They have no error.
 pub fn judge_runs(pipeline: &Pipeline, bench: &AccuracyBench<'_>) -> Vec<BenchRun> {
     let runs = bench.judged.scenes.iter().zip(&bench.judged.stats).map(|(scene, stats)| {
         let request = FrameRequest { skip: ALONE, ..scene.request.clone().with_draw(TetDraw::Reference) };
@@ -146,7 +145,7 @@ fn run_path(
     let request = path.request(&scene.request);
     let mut measured: Vec<FrameStats> = Vec::with_capacity(bench.frames);
     let mut error = None;
-    // One more, in which caches are filled; it is the one compared, as all of them are the same. The reference has no caches, nor haste.
+    // One more frame, which fills caches; it is the one compared, as all are equal. The reference has no caches and is slow.
     let is_once = path.mode == RenderMode::Reference;
     for index in 0..=if is_once { 0 } else { bench.frames.max(1) } {
         let frame = match &mut own {
@@ -164,7 +163,7 @@ fn run_path(
     Ok(BenchRun { table_size: path.table_size(), scene: Some(scene.name.clone()), ratio: bench.ratio, error, ..run })
 }
 
-/// The frame of a request from a renderer of ours, with these optics.
+/// Renders a request with one of our renderers and these optics.
 fn render_with<'a>(
     pipeline: &mut Pipeline,
     renderer: &'a mut Raycast,
@@ -172,7 +171,7 @@ fn render_with<'a>(
     optics: OpticsKind,
     cancel: &Cancel,
 ) -> Result<&'a Frame, PipelineError> {
-    // The table is the renderer's: the one of the product is not needed.
+    // The renderer brings its own table: the pipeline's is not needed.
     let plain = request.clone().with_tets(|tets| tets.optics = OpticsKind::Exact);
     let job = RenderJob { optics, ..pipeline.prepare_unless(&plain, cancel)? };
     renderer.render_unless_cancelled(job)?.ok_or(PipelineError::Cancelled)
@@ -181,7 +180,7 @@ fn render_with<'a>(
 impl AccuracyPath {
     /// The request for a scene on this path.
     fn request(&self, scene: &FrameRequest) -> FrameRequest {
-        // Which cells are transparent is known for the product's own table only.
+        // Transparent cells are known only for the pipeline's own table.
         let knows_transparent = self.own_table().is_none();
         let with_path = |tets: &mut TetLayer| {
             (tets.draw, tets.optics) = (TetDraw::chosen(self.mode, self.faces()), self.optics);
@@ -196,7 +195,7 @@ impl AccuracyPath {
         }
     }
 
-    /// The resolution of the pre-integrated table, if it is not the product's.
+    /// The resolution of the pre-integrated table, if it differs from the pipeline's.
     fn own_table(&self) -> Option<Table3dResolution> {
         let default = Table3dResolution::default();
         let scalars = self.table_size().filter(|&size| size != default.scalars)?;

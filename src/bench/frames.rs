@@ -1,4 +1,4 @@
-//! The frame and accuracy suites: what a frame costs, and how wrong it is.
+//! The frame and accuracy suites: time and error of frames.
 
 use super::{BenchRun, JUDGE_REFERENCE, JUDGE_TABLE, RunError, RunTimes};
 use crate::optics::OpticsKind;
@@ -7,7 +7,7 @@ use crate::pipeline::{DrawnBy, FrameRequest, Pipeline, PipelineError, TetDraw};
 use crate::stats::FrameStats;
 use crate::task::{Cancel, Progress};
 
-/// What moves from frame to frame.
+/// What changes from frame to frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Motion {
     /// The step advances.
@@ -16,38 +16,38 @@ pub struct Motion {
     pub camera: bool,
 }
 
-/// The three ways in which a series is watched.
+/// The three kinds of motion.
 pub const MOTIONS: [Motion; 3] =
     [Motion { time: true, camera: false }, Motion { time: true, camera: true }, Motion { time: false, camera: true }];
 
 /// Degrees that a moving camera turns from frame to frame.
 const TURN_DEG: f64 = 5.625;
 
-/// Frames rendered and thrown away before the clock starts.
+/// Untimed frames before the clock starts.
 const WARM_UP: usize = 2;
 
-/// What a run is made of.
+/// Input of a run.
 #[derive(Clone, Debug)]
 pub struct FrameBench {
     /// Name of the data set.
     pub dataset: String,
-    /// The first frame; others differ from it by what moves.
+    /// Request of the first frame; others differ in what moves.
     pub request: FrameRequest,
     /// What moves.
     pub motion: Motion,
-    /// Frames measured.
+    /// Number of measured frames.
     pub frames: usize,
-    /// Whether every eighth frame is compared with the reference, off the clock.
+    /// Whether every eighth frame is compared with the reference, untimed.
     pub judged: bool,
 }
 
-/// Every how many frames one is judged.
+/// Interval of judged frames.
 const JUDGE_EVERY: usize = 8;
 
-/// Renders the frames of a run and measures them; `progress` hears of each.
+/// Renders and measures the frames of a run; `progress` is told of each.
 ///
 /// # Errors
-/// If a step cannot be read, there is no view through a camera, or `cancel` was raised.
+/// If a step cannot be read, a camera has no view, or `cancel` was raised.
 pub fn run_frames(
     pipeline: &mut Pipeline,
     bench: &FrameBench,
@@ -101,7 +101,7 @@ fn record(pipeline: &Pipeline, bench: &FrameBench, measured: &[FrameStats], erro
     }
 }
 
-/// The record of frames of a request, which nothing moves and nobody has judged.
+/// The record of a request's frames, without motion and error.
 pub(super) fn describe(
     pipeline: &Pipeline,
     dataset: &str,
@@ -115,7 +115,7 @@ pub(super) fn describe(
     let tets = request.tets();
     let drawn_by = tets.map_or(DrawnBy::Raycast, |tets| tets.draw.drawn_by());
     let k_buffer = drawn_by.faces().map(|detail| detail.k_buffer);
-    // The reference integrates exactly whatever was asked for.
+    // The reference integrates exactly, whatever was requested.
     let optics = tets.filter(|_| drawn_by != DrawnBy::Reference).map_or(OpticsKind::Exact, |tets| tets.optics);
     BenchRun {
         dataset: dataset.to_owned(),

@@ -1,4 +1,4 @@
-//! The motion suite: how well a frame rate is held while camera and time move, and with what error.
+//! The motion suite: how well a frame rate is held while camera and time move, and the error.
 
 use super::Spread;
 use crate::camera::{Camera, CameraError};
@@ -11,27 +11,27 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-/// Degrees around the focal point from frame to frame.
+/// Degrees that the camera turns from frame to frame.
 const TURN_DEG: f64 = 1.5;
-/// Frames until the control has found its way.
+/// Frames before the control has settled.
 const SETTLED: usize = 5;
-/// One frame in so many is compared with all other ways to draw it.
+/// Interval of frames that are compared with all other ways to draw them.
 const JUDGED: usize = 20;
 
-/// What a run is made of.
+/// Input of a run.
 #[derive(Clone, Debug)]
 pub struct HeldBench {
     /// Name of the data set.
     pub dataset: String,
-    /// The first frame; others differ from it by step and camera.
+    /// Request of the first frame; others differ in step and camera.
     pub request: FrameRequest,
-    /// Frames of the motion.
+    /// Number of frames in motion.
     pub frames: usize,
-    /// Milliseconds that a frame may take.
+    /// Frame time budget in milliseconds.
     pub target_ms: f64,
 }
 
-/// How a rate was held.
+/// Result of a run: how a frame rate was held.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeldRun {
     /// Name of the data set.
@@ -42,33 +42,33 @@ pub struct HeldRun {
     pub size: [u32; 2],
     /// `cpu` or `gpu`.
     pub backend: String,
-    /// Milliseconds that a frame may take.
+    /// Frame time budget in milliseconds.
     pub target_ms: f64,
-    /// Milliseconds of a frame in full, before the motion.
+    /// Milliseconds of a full frame, before the motion.
     pub exact_ms: f64,
-    /// Milliseconds of all stages, after the first five frames.
+    /// Milliseconds of all stages, without the first five frames.
     pub ms: Spread,
-    /// The share of these frames that was within the time.
+    /// Share of these frames within the budget.
     pub within: f64,
-    /// How often each way to draw was chosen.
+    /// Number of choices of each way to draw.
     pub chosen: BTreeMap<String, usize>,
-    /// RMSE of raw accumulators from the image in full, of the frames that were judged.
+    /// RMSE of raw accumulators against the full image, over the judged frames.
     pub rmse: Spread,
-    /// The error of these frames over the least error of any way that was within the time, where there was one and a frame in full was not.
+    /// Error of judged frames over the least error of any way within the budget, for frames that have one and exceed the budget in full.
     pub over_best: Option<Spread>,
 }
 
-/// A frame that is compared with all others that there could have been.
+/// A frame that is compared with its alternatives.
 struct Judged {
     before: FrameRequest,
     request: FrameRequest,
     quality: Quality,
 }
 
-/// Moves camera and time, and holds a rate; `progress` hears of each frame.
+/// Moves camera and time at a held frame rate; `progress` is told of each frame.
 ///
 /// # Errors
-/// If a step cannot be read, there is no view through the camera, or `cancel` was raised.
+/// If a step cannot be read, the camera has no view, or `cancel` was raised.
 pub fn run_held(
     pipeline: &mut Pipeline,
     bench: &HeldBench,
@@ -82,7 +82,7 @@ pub fn run_held(
         let camera: Camera = bench.request.camera.orbit(TURN_DEG * frame as f64, 0.0)?;
         Ok(FrameRequest { time: (frame % steps).into(), camera, ..bench.request.clone() })
     };
-    // At rest, twice: the first frame fills caches.
+    // Twice at rest: the first frame fills caches.
     let mut exact_ms = 0.0;
     for _ in 0..2 {
         exact_ms = pipeline.render_unless(&at(0)?, cancel)?.stats.ms_worked();
@@ -134,7 +134,7 @@ pub fn run_held(
 }
 
 impl Judged {
-    /// The error of a frame, and the least of all ways to draw it that are within the time.
+    /// The error of a frame, and the least of all ways to draw it within the budget.
     fn judge(
         &self,
         pipeline: &mut Pipeline,
@@ -142,7 +142,7 @@ impl Judged {
         cancel: &Cancel,
     ) -> Result<(f64, Option<f64>), PipelineError> {
         let mut draw = |quality: Quality| -> Result<(f64, RgbaImage), PipelineError> {
-            // As in the motion, what is known of the frame before counts.
+            // State of the previous frame is reused, as in the motion.
             let [before, request] =
                 [&self.before, &self.request].map(|request| quality.of_request(request.clone(), FaceDetail::ALL));
             pipeline.render_unless(&before, cancel)?;

@@ -1,20 +1,20 @@
-//! The machine that a benchmark ran on.
+//! The machine of a benchmark.
 
 use serde::{Deserialize, Serialize};
 
-/// What a timing depends on besides the program.
+/// Properties of the machine that affect timings.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Machine {
-    /// Name of the processor, or its architecture where the system does not tell the name.
+    /// Name of the processor, or its architecture if the system does not report the name.
     pub cpu: String,
-    /// Number of threads that this process may run at once (affinity and quotas count).
+    /// Number of threads that this process may run at once (respecting affinity and quotas).
     pub cores: usize,
-    /// Graphics adapter, if one was used.
+    /// Graphics adapter, if used.
     pub adapter: Option<String>,
 }
 
 impl Machine {
-    /// This machine, with no adapter.
+    /// This machine, without adapter.
     pub fn detect() -> Self {
         let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
         Self {

@@ -1,4 +1,4 @@
-//! Run time beside error: paired timings with their uncertainty, and the record that a benchmark leaves.
+//! Benchmarks of time and error: paired timings with their uncertainty, and the record of a benchmark.
 //!
 //! Claims of "no slower than" go through [`paired`]: the two sides run alternately, so that a machine that slows down or
 //! heats up slows both, and the ratio comes with an interval.

@@ -9,7 +9,7 @@ use crate::random::SplitMix64;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
-/// Bootstrap samples: the ends of the interval are ranks 50 and 1950 of so many.
+/// Number of bootstrap samples: the ends of the interval are ranks 50 and 1950.
 const RESAMPLES: usize = 2000;
 /// Share of the bootstrap medians that lie in the interval, in per cent.
 const CONFIDENCE: f64 = 95.0;
@@ -19,9 +19,9 @@ const WARM_UP: usize = 1;
 /// Times of paired runs, pair by pair, in milliseconds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Timings {
-    /// The first side.
+    /// Times of the first side.
     pub a: Vec<f64>,
-    /// The second side.
+    /// Times of the second side.
     pub b: Vec<f64>,
 }
 
@@ -40,8 +40,8 @@ pub struct Paired {
     pub interval: [f64; 2],
 }
 
-/// Times `pairs` pairs (at least one) of runs of `a` and `b` after a warm-up. What they compute must leave through
-/// [`std::hint::black_box`] or a captured variable, or the compiler may leave the work out.
+/// Times `pairs` pairs (at least one) of runs of `a` and `b` after a warm-up. Results must pass through [`std::hint::black_box`] or a
+/// captured variable, or the compiler may remove the work.
 ///
 /// The same timings and `seed` give the same interval.
 pub fn paired(mut a: impl FnMut(), mut b: impl FnMut(), pairs: usize, seed: u64) -> Paired {
@@ -72,9 +72,9 @@ fn milliseconds(work: &mut impl FnMut()) -> f64 {
 }
 
 impl Paired {
-    /// The comparison that `timings` amount to; pairs end with the shorter side. Without any pair all figures are NaN.
+    /// Compares `timings`; the longer side is truncated. Without pairs all figures are NaN.
     pub fn of(timings: &Timings, seed: u64) -> Self {
-        /// A clock tick: work shorter than that has no measurable time, and no ratio by zero.
+        /// Shortest measurable time, which also avoids division by zero.
         const SHORTEST_MS: f64 = 1e-6;
         let pairs = timings.a.len().min(timings.b.len());
         let (a, b) = (&timings.a[..pairs], &timings.b[..pairs]);
@@ -89,7 +89,7 @@ impl Paired {
         }
     }
 
-    /// Whether B is at most `factor` times as slow as A, on the evidence of the whole interval.
+    /// Whether B is at most `factor` times as slow as A over the whole interval.
     pub fn is_at_most(&self, factor: f64) -> bool {
         self.interval[1] <= factor
     }
@@ -100,7 +100,7 @@ fn bootstrap_interval(values: &[f64], seed: u64) -> [f64; 2] {
     let mut random = SplitMix64::new(seed);
     let mut sample = values.to_vec();
     let mut resampled_median = |_| {
-        // An empty list has no index to draw, and no value to put it in.
+        // An empty list draws no index and has no slot.
         sample.iter_mut().for_each(|slot| *slot = values[random.below(values.len())]);
         sample.sort_unstable_by(f64::total_cmp);
         median_of_sorted(&sample)
@@ -115,7 +115,7 @@ mod tests {
     use super::*;
     use std::cell::RefCell;
 
-    /// Timings with a true ratio, a drift that both sides share, noise, and now and then a disturbed run.
+    /// Timings with a known ratio, a drift shared by both sides, noise, and occasional disturbed runs.
     fn synthetic(ratio: f64, pairs: usize, seed: u64) -> Timings {
         let mut random = SplitMix64::new(seed);
         let mut timings = Timings::default();

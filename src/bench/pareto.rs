@@ -1,14 +1,14 @@
-//! What is not beaten in everything.
+//! Pareto fronts.
 
-/// The points that no other one beats: none that is at least as small in both coordinates and smaller in one. Indices, in
-/// the order of the first coordinate. Of equal points all are in it; one with a NaN is not.
+/// The points that no other one dominates: none is at least as small in both coordinates and smaller in one. Indices, in the order of the
+/// first coordinate. Equal points are all included; points with NaN are not.
 pub fn pareto_front(points: &[[f64; 2]]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..points.len()).filter(|&at| !points[at].iter().any(|c| c.is_nan())).collect();
     order.sort_by(|&a, &b| points[a][0].total_cmp(&points[b][0]).then(points[a][1].total_cmp(&points[b][1])));
     let mut front: Vec<usize> = Vec::new();
     for at in order {
         let [x, y] = points[at];
-        // The last one of the front is the lowest so far, and at most as far to the right.
+        // The last point of the front is the lowest so far, and not further right.
         if front.last().is_none_or(|&last| y < points[last][1] || points[last] == [x, y]) {
             front.push(at);
         }
@@ -37,7 +37,7 @@ mod tests {
     proptest! {
         #[test]
         fn nothing_beats_what_is_in_front_and_something_beats_all_else(
-            // Few values, so that ties happen.
+            // Few values, so that ties occur.
             points in prop::collection::vec(prop::array::uniform2((0..12_u8).prop_map(f64::from)), 0..40)
         ) {
             let front = pareto_front(&points);

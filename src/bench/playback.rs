@@ -1,4 +1,4 @@
-//! The playback suite: what it costs that time moves, and how soon a seek is answered.
+//! The playback suite: the cost of moving time, and the latency of a seek.
 
 use super::{Paired, Spread, Timings};
 use crate::pipeline::{FrameRequest, Pipeline, PipelineError, Pipelined, PipelinedOptions, Series};
@@ -8,27 +8,27 @@ use std::io;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Frames that are timed together. The first of them finds nothing prepared: its decoding and ordering overlap nothing.
+/// Frames timed together. The first has nothing prepared: its decoding and ordering overlap nothing.
 const BURST: usize = 30;
 
-/// Rounds before the clock starts: caches, page tables, lazy initialisation.
+/// Untimed rounds: caches, page tables, lazy initialisation.
 const WARM_UP: usize = 2;
 
-/// Longer than any frame: somebody else notices that nothing comes.
+/// Timeout longer than any frame; a hang is noticed elsewhere.
 const LONG: Duration = Duration::from_secs(3600);
 
-/// What a run is made of.
+/// Input of a run.
 #[derive(Clone, Debug)]
 pub struct PlaybackBench {
     /// Name of the data set.
     pub dataset: String,
-    /// The first frame; others differ from it by their step.
+    /// Request of the first frame; others differ in their step.
     pub request: FrameRequest,
-    /// Pairs measured; as many seeks.
+    /// Number of measured pairs, and of seeks.
     pub pairs: usize,
 }
 
-/// What it costs that time moves.
+/// Result of a run: the cost of moving time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlaybackRun {
     /// Name of the data set.
@@ -43,36 +43,36 @@ pub struct PlaybackRun {
     pub codec: String,
     /// Threads in use.
     pub threads: usize,
-    /// Frames timed together; 2 in reports that do not say it.
+    /// Frames timed together; 2 in reports without it.
     #[serde(default = "frames_of_old_reports")]
     pub frames: usize,
-    /// So many frames of successive steps, prepared while others are rendered (B), beside the same frames with every step twice in a
-    /// row (A): half as often time has moved. (Where there are 2 of them, A is the first one twice: time stands still.)
+    /// B: this number of frames of successive steps, prepared while others are rendered. A: as many frames with every step twice in a
+    /// row, so that time moves half as often. (With 2 frames, A repeats the first: time stands still.)
     pub pipelined: Paired,
-    /// The same with one stage after the other (B).
+    /// [`Self::pipelined`] with sequential stages in B.
     pub sequential: Paired,
-    /// Seeks to steps whose block is in memory, asked for while another frame is rendered.
+    /// Seeks to steps whose block is in memory, requested while another frame is rendered.
     pub seek: SeekTimes,
 }
 
-/// How soon a seek is answered.
+/// Latency of seeks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SeekTimes {
     /// Milliseconds from the request to the frame.
     pub ms: Spread,
-    /// The same over what all stages took for that frame.
+    /// Latency over the sum of all stages for that frame.
     pub ratio: Spread,
-    /// The same minus that: above all the time until the frame that was being rendered has stopped.
+    /// Latency minus that sum: mainly the time until the frame in progress has stopped.
     pub beyond_ms: Spread,
 }
 
-/// Why there are no figures.
+/// Why the suite failed.
 #[derive(Debug, thiserror::Error)]
 pub enum PlaybackBenchError {
     /// A frame could not be rendered.
     #[error(transparent)]
     Frame(#[from] PipelineError),
-    /// There are no threads.
+    /// Threads could not be started.
     #[error("cannot start threads: {0}")]
     Threads(#[from] io::Error),
 }
@@ -81,7 +81,7 @@ fn frames_of_old_reports() -> usize {
     2
 }
 
-/// The three ways to render some frames.
+/// The three ways to render frames.
 struct Ways {
     request: FrameRequest,
     steps: usize,
@@ -91,11 +91,10 @@ struct Ways {
     on_gpu: bool,
 }
 
-/// Plays at two speeds in turn, and seeks; `progress` hears of each pair and of each seek. `open` makes pipelines of one
-/// series that are set up alike.
+/// Plays at two speeds in turn, and seeks; `progress` is told of each pair and each seek. `open` makes identical pipelines of one series.
 ///
 /// # Errors
-/// If a step cannot be read, there is no view through the camera, or `cancel` was raised.
+/// If a step cannot be read, the camera has no view, or `cancel` was raised.
 pub fn run_playback(
     open: &dyn Fn() -> Pipeline,
     bench: &PlaybackBench,
@@ -157,7 +156,7 @@ impl Ways {
         FrameRequest { time: (step % self.steps.max(1)).into(), ..self.request.clone() }
     }
 
-    /// One time of each way, in milliseconds; which one is first changes from round to round.
+    /// Times of the three ways in milliseconds; their order rotates from round to round.
     fn round(&mut self, round: usize) -> Result<[f64; 3], PipelineError> {
         let first = round * BURST / 2;
         let steps = first..first + BURST / 2;
@@ -188,7 +187,7 @@ impl Ways {
         Ok(ms)
     }
 
-    /// Renders some steps; whether on the GPU.
+    /// Renders some steps; returns whether the GPU did.
     fn burst(&self, pipelined: &Pipelined, steps: impl IntoIterator<Item = usize>) -> Result<bool, PipelineError> {
         for step in steps {
             // A burst is shorter than the queue.
@@ -201,9 +200,9 @@ impl Ways {
         Ok(on_gpu)
     }
 
-    /// Has as many blocks read as fit in memory; the steps in them.
+    /// Reads as many blocks as fit in memory; returns their steps.
     fn resident_steps(&self) -> Vec<usize> {
-        /// Longer than a block takes: when none has come for so long, all are there.
+        /// Longer than reading a block: after this time without a new one, all are read.
         const SETTLED: Duration = Duration::from_millis(500);
         let all: Vec<usize> = (0..self.steps).collect();
         let resident = || all.iter().copied().filter(|&step| self.moving.series().is_resident(step)).collect();
@@ -219,7 +218,7 @@ impl Ways {
         }
     }
 
-    /// Seeks up and down the series while frames are on their way.
+    /// Seeks up and down the series while frames are in flight.
     fn seeks(&self, count: usize, progress: &dyn Progress, cancel: &Cancel) -> Result<SeekTimes, PipelineError> {
         let resident = self.resident_steps();
         let [mut ms, mut ratios, mut beyond] = [const { Vec::new() }; 3];
@@ -233,7 +232,7 @@ impl Ways {
             while self.moving.preparations().now > 1 {
                 std::thread::yield_now();
             }
-            // Somewhere in the middle of a frame.
+            // At a varying time within a frame.
             std::thread::sleep(Duration::from_millis(3 + (seek % 10) as u64));
             let started = Instant::now();
             let _ = self.moving.seek(self.request(target));

@@ -1,6 +1,6 @@
-//! Plots of the accuracy suite, as SVG: error against time with the Pareto front and by what is given up, and against what it depends on.
+//! Plots of the accuracy suite, as SVG: error against time (with the Pareto front, and by family), and error against single settings.
 //!
-//! All axes are logarithmic. An error of 0 has no place on such an axis: it is drawn at the lower edge, and the plot says so.
+//! All axes are logarithmic. An error of 0 is drawn at the lower edge, with a note in the plot.
 
 mod charts;
 mod draw;
@@ -12,12 +12,12 @@ use crate::files;
 use charts::{CHARTS, chart};
 use std::path::{Path, PathBuf};
 
-/// What became of the plots.
+/// Result of writing the plots.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PlotReport {
-    /// Files that were written.
+    /// Written files.
     pub written: Vec<PathBuf>,
-    /// Names of those that were not, as there is nothing to show in them, and what would be.
+    /// Names of plots without data, which were not written, and the data that each needs.
     pub empty: Vec<(&'static str, &'static str)>,
 }
 
@@ -32,7 +32,7 @@ struct Chart {
 #[derive(Clone, Debug, PartialEq)]
 struct Axis {
     name: String,
-    /// Where its ticks are; `None`: at round numbers.
+    /// Positions of the ticks; `None` places them at round numbers.
     ticks: Option<Vec<f64>>,
 }
 
@@ -42,7 +42,7 @@ struct Panel {
     lines: Vec<Line>,
 }
 
-/// Points of one kind.
+/// A series of points in one style.
 #[derive(Clone, Debug, PartialEq)]
 struct Line {
     name: String,
@@ -56,7 +56,7 @@ enum Style {
     Points,
     /// Points joined by a line.
     Joined,
-    /// A line alone, through points that others have drawn.
+    /// A line alone, through points drawn by others.
     Path,
 }
 
@@ -64,24 +64,24 @@ enum Style {
 struct Point {
     x: f64,
     y: f64,
-    /// What is written beside it; those with a name are larger.
+    /// Label of the point; labelled points are larger.
     name: Option<String>,
 }
 
-/// Checks that plots can be written to a folder, which is made if it is not there: before long work, not after it.
+/// Checks before the measurements that plots can be written to a folder, which is created if missing.
 ///
 /// # Errors
-/// If it cannot be made, or takes no file.
+/// If the folder cannot be created or written to.
 pub fn check_folder(folder: &Path) -> FileResult<()> {
     std::fs::create_dir_all(folder).map_err(|e| FileError::io(folder, "make the folder", &e))?;
     CHARTS.iter().try_for_each(|kind| files::check_place(&folder.join(kind.file)))
 }
 
-/// Writes the plots of these runs to a folder. Each file is written whole or not at all; one with nothing to show is not
-/// written, and one of an earlier run with its name stays.
+/// Writes the plots of these runs to a folder. Each file is written whole or not at all; a plot without data is not written, and an older
+/// file of its name stays.
 ///
 /// # Errors
-/// If the folder does not take them.
+/// If a file cannot be written.
 pub fn write_plots(folder: &Path, runs: &[BenchRun]) -> FileResult<PlotReport> {
     let mut report = PlotReport::default();
     for kind in &CHARTS {

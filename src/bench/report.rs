@@ -1,7 +1,6 @@
 //! The record of a benchmark, as JSON.
 //!
-//! Figures that were not measured are `null`, and so are those that JSON cannot express: the PSNR of two equal images is
-//! infinite.
+//! Figures that were not measured are `null`, and so are those that JSON cannot express: the PSNR of two equal images is infinite.
 
 use super::accuracy::IntegrationRun;
 use super::{HeldRun, Machine, PlaybackRun, StillRun, percentile};
@@ -12,28 +11,28 @@ use std::fmt;
 
 /// [`RunError::judge`] of errors against the f64 reference renderer.
 pub const JUDGE_REFERENCE: &str = "reference";
-/// [`RunError::judge`] of errors against the f64 integration of the table, where a request says nothing of its formula.
+/// [`RunError::judge`] of errors against the f64 integration of the table, if a request does not carry its formula.
 pub const JUDGE_TABLE: &str = "reference-table";
-/// [`RunError::judge`] of errors against the f64 reference renderer with the values as they were before they were compressed.
+/// [`RunError::judge`] of errors against the f64 reference renderer with the uncompressed values.
 pub const JUDGE_RAW: &str = "reference of raw values";
 
-/// Everything that a benchmark has measured.
+/// The record of a benchmark.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BenchReport {
-    /// Where.
+    /// The machine.
     pub machine: Machine,
-    /// What.
+    /// The measured runs.
     pub runs: Vec<BenchRun>,
-    /// How playing compares with standing still.
+    /// The cost of moving time (playback suite).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub playback: Vec<PlaybackRun>,
-    /// How well a frame rate is held while camera and time move, and with what error.
+    /// How well a frame rate is held while camera and time move (motion suite).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub held: Vec<HeldRun>,
-    /// Details of earlier steps, of the motion suite.
+    /// Reuse of details of earlier steps (motion suite).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub still: Vec<StillRun>,
-    /// How wrong the integration of one segment is (accuracy suite).
+    /// Errors of integrating one segment (accuracy suite).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub integration: Vec<IntegrationRun>,
 }
@@ -47,7 +46,7 @@ pub struct BenchRun {
     pub cells: u64,
     /// Vertices of its mesh.
     pub vertices: u64,
-    /// Number of cameras the frames are spread over.
+    /// Number of cameras over which the frames are spread.
     pub viewpoints: usize,
     /// Whether the step changes from frame to frame.
     pub time_moves: bool,
@@ -65,30 +64,30 @@ pub struct BenchRun {
     pub optics: String,
     /// `raw`, `vq` or `bounded`.
     pub codec: String,
-    /// Whether cells that cannot be seen are skipped.
+    /// Whether invisible cells are skipped.
     pub skip: bool,
-    /// Fragments that a pixel holds back; `None` where no faces are drawn.
+    /// Size of the k-buffer; `None` without faces.
     #[serde(default)]
     pub k: Option<u8>,
-    /// Whether fragments out of order are put right; `None` where no faces are drawn.
+    /// Whether fragments out of order are corrected; `None` without faces.
     #[serde(default)]
     pub exact_order: Option<bool>,
     /// Entries of the pre-integrated table along a scalar axis; `None` without a table.
     #[serde(default)]
     pub table_size: Option<usize>,
-    /// Width and height of the image that was rendered and then enlarged, over those of `size`.
+    /// Scale of the rendered image before it was enlarged to `size`.
     #[serde(default = "whole")]
     pub image_scale: f64,
-    /// How it came to full size; `None` where it had that, and bilinear in reports from before there was another way.
+    /// Upsampling filter; `None` at full size, and for bilinear in older reports.
     #[serde(default)]
     pub upsample: Option<String>,
-    /// The contrast that decided which rays were cast; `None` where all were.
+    /// The contrast that decided which rays were cast; `None` if all were.
     #[serde(default)]
     pub contrast: Option<f64>,
-    /// Bytes of the values as f32 over those in the store; `None` if that was not looked at.
+    /// Compression ratio: bytes of the values as f32 over those in the store; `None` if not determined.
     #[serde(default)]
     pub ratio: Option<f64>,
-    /// What was seen, where all paths saw the same (accuracy suite).
+    /// Scene of the run, if all paths share it (accuracy suite).
     #[serde(default)]
     pub scene: Option<SceneName>,
     /// Threads in use.
@@ -99,7 +98,7 @@ pub struct BenchRun {
     pub fps: f64,
     /// Cells per second: `cells` times `fps`.
     pub cells_per_s: f64,
-    /// How wrong the frames are; `None` if that was not measured.
+    /// Error of the frames; `None` if not measured.
     pub error: Option<RunError>,
     /// Counts of one typical frame.
     pub stats: FrameStats,
@@ -109,7 +108,7 @@ fn whole() -> f64 {
     1.0
 }
 
-/// What is seen in the runs of the accuracy suite.
+/// A scene of the accuracy suite.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SceneName {
     /// The data set whose values are the truth.
@@ -128,7 +127,7 @@ impl fmt::Display for SceneName {
     }
 }
 
-/// Milliseconds a frame takes.
+/// Milliseconds per frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RunTimes {
     /// Mean from request to image.
@@ -137,18 +136,18 @@ pub struct RunTimes {
     pub decode: f64,
     /// Mean of ordering.
     pub order: f64,
-    /// Mean of placing in the view; 0 in reports from before it had a name, where it is in `order` (CPU).
+    /// Mean of placing in the view; 0 in older reports, which count it in `order` (CPU).
     #[serde(default)]
     pub place: f64,
-    /// Mean of rendering, its beginning included.
+    /// Mean of rendering, set-up included.
     pub render: f64,
     /// Median frame (nearest rank).
     pub p50: f64,
-    /// The frame that 95 % are not slower than (nearest rank).
+    /// 95th percentile (nearest rank).
     pub p95: f64,
 }
 
-/// How wrong frames are, on raw accumulators, all pixels, no background.
+/// Error of frames, on raw accumulators, all pixels, no background.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunError {
     /// Root mean square over pixels and channels.
@@ -157,18 +156,18 @@ pub struct RunError {
     pub max: f64,
     /// Peak signal-to-noise ratio in decibels; `None` for equal images.
     pub psnr: Option<f64>,
-    /// FLIP; `None` if it was not measured.
+    /// FLIP; `None` if not measured.
     pub flip: Option<f64>,
-    /// Mean over pixels of the distance of colours over black, of 0 to 255: the unit of error of the dissertation; `None` if it was not measured.
+    /// Mean distance of colours over black, on a scale of 0 to 255, over the pixels: the dissertation's unit of error; `None` if not
+    /// measured.
     #[serde(default)]
     pub distance: Option<f64>,
-    /// What the frames were compared with.
+    /// Name of the judge.
     pub judge: String,
 }
 
 impl RunError {
-    /// How far `image` is from what it should be. Images that cannot be compared (of other sizes, or not finite) are as wrong as
-    /// can be.
+    /// The error of `image` against `truth`. Images that cannot be compared (different sizes, or not finite) have the largest error.
     pub fn between(truth: &RgbaImage, image: &RgbaImage, judge: &str) -> Self {
         let wrong =
             Self { rmse: f64::MAX, max: f64::MAX, psnr: None, flip: None, distance: None, judge: judge.to_owned() };
@@ -183,7 +182,7 @@ impl RunError {
     }
 }
 
-/// Mean over the pixels of two images of a size of the distance of their colours over black, of 0 to 255.
+/// Mean distance of colours over black, on a scale of 0 to 255, over the pixels of two images of equal size.
 fn mean_distance(a: &RgbaImage, b: &RgbaImage) -> f64 {
     let distance = |(a, b): (&[f32; 4], &[f32; 4])| {
         let square = |c: usize| (f64::from(a[c]) - f64::from(b[c])).powi(2);
@@ -306,7 +305,7 @@ mod tests {
         let mut image = truth.clone();
         image.pixels[3][1] = 0.25;
         let error = RunError::between(&truth, &image, JUDGE_RAW);
-        // One channel in 32.
+        // One channel in 32 differs.
         assert_eq!((error.max, error.rmse, error.judge.as_str()), (0.25, (0.0625_f64 / 32.0).sqrt(), JUDGE_RAW));
         assert_eq!(RunError::between(&truth, &truth, JUDGE_RAW).psnr, None);
         assert_eq!(RunError::between(&truth, &RgbaImage::new(2, 4), JUDGE_RAW).rmse, f64::MAX);

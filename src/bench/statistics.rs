@@ -2,20 +2,20 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Value below or at which `percent` per cent of `values` lie, by nearest rank: always one of the values; the only one if
-/// there is one. NaN if there is none. `percent` is taken into [0, 100]; 0 gives the smallest value.
+/// Value at or below which `percent` per cent of `values` lie, by nearest rank: always one of the values. NaN without values. `percent` is
+/// clamped to [0, 100]; 0 gives the smallest value.
 pub fn percentile(values: &[f64], percent: f64) -> f64 {
     let sorted = sorted(values);
     let rank = (percent.clamp(0.0, 100.0) / 100.0 * sorted.len() as f64).ceil() as usize;
     sorted.get(rank.saturating_sub(1)).copied().unwrap_or(f64::NAN)
 }
 
-/// The middle value, or the mean of the two in the middle; NaN if there is none.
+/// The middle value, or the mean of the two in the middle; NaN without values.
 pub fn median(values: &[f64]) -> f64 {
     median_of_sorted(&sorted(values))
 }
 
-/// [`median`] of values that are in order already.
+/// [`median`] of sorted values.
 pub(super) fn median_of_sorted(sorted: &[f64]) -> f64 {
     let middle = sorted.len() / 2;
     match (sorted.get(middle), sorted.len() % 2) {
@@ -32,7 +32,7 @@ fn sorted(values: &[f64]) -> Vec<f64> {
     sorted
 }
 
-/// Middle and spread of repeated measurements, in the unit of the measurements.
+/// Median and spread of repeated measurements, in their unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spread {
     /// Smallest value.
@@ -48,7 +48,7 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// The spread of `values`; all NaN if there is none.
+    /// The spread of `values`; all NaN without values.
     pub fn of(values: &[f64]) -> Self {
         Self {
             min: percentile(values, 0.0),

@@ -1,4 +1,4 @@
-//! The part of the motion suite in which the camera stands still: how far details of an earlier step are off.
+//! The part of the motion suite with a still camera: the error of details reused from an earlier step.
 
 use crate::image::{RgbaImage, compare_raw};
 use crate::pipeline::{
@@ -10,21 +10,21 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::sync::Arc;
 
-/// Steps that are compared with the first one.
+/// Number of steps compared with the first one.
 const STEPS: usize = 16;
 
-/// How far frames are off so many steps after one of all rays.
+/// Errors at a number of steps after a frame of all rays.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StillRow {
     /// Steps since the frame of all rays.
     pub steps: usize,
-    /// Milliseconds of all stages: all rays, few with details, few with details of which a part is made anew, a small image.
+    /// Milliseconds of all stages for four ways: all rays; few rays with details; few rays with details, partly made anew; a small image.
     pub ms: [f64; 4],
-    /// RMSE of raw accumulators from all rays, of the last three.
+    /// RMSE of raw accumulators of the last three ways against all rays.
     pub rmse: [f64; 3],
 }
 
-/// What was measured of a series.
+/// Results for a series.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StillRun {
     /// Name of the data set.
@@ -33,14 +33,14 @@ pub struct StillRun {
     pub cells: u64,
     /// Width and height of the image in pixels.
     pub size: [u32; 2],
-    /// Step by step.
+    /// Results step by step.
     pub rows: Vec<StillRow>,
 }
 
-/// Draws the steps of a series, up to the 17th, in all four ways; `None` if rays cannot be left out of it.
+/// Draws the steps of a series, up to the 17th, in all four ways; `None` if its rays cannot be reduced.
 ///
 /// # Errors
-/// If a step cannot be read, there is no view through the camera, or `cancel` was raised.
+/// If a step cannot be read, the camera has no view, or `cancel` was raised.
 pub fn run_still(
     pipeline: &mut Pipeline,
     dataset: &str,

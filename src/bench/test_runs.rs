@@ -3,7 +3,7 @@
 use crate::bench::{BenchRun, JUDGE_REFERENCE, RunError, RunTimes, SceneName};
 use crate::stats::FrameStats;
 
-/// A run of the ray caster on a series that took so long and was so wrong.
+/// A run of the ray caster on a series with this time and error.
 pub(in crate::bench) fn run(series: &str, ms: f64, rmse: f64) -> BenchRun {
     BenchRun {
         dataset: series.to_owned(),

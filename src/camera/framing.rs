@@ -1,4 +1,4 @@
-//! Cameras that show a whole box, and their motion around it.
+//! Cameras that frame a whole box, and orbits around it.
 
 use super::{Camera, CameraError, Projection, length, unit};
 use glam::DVec3;
@@ -10,14 +10,14 @@ pub(super) const DEFAULT_VIEW_ANGLE: f64 = 30.0;
 /// box edges coincides in the image and neither a flat nor an elongated box is seen edge-on.
 const DEFAULT_DIRECTION: DVec3 = DVec3::new(-0.52, 0.70, -0.49);
 
-/// A box smaller than this share of its distance from the world's origin is framed as if it were that large: eye and focal
-/// point must differ by many rounding units.
+/// A box smaller than this share of its distance from the world's origin is framed as if it had that size: eye and focal point must differ
+/// by many rounding units.
 const SMALLEST_RELATIVE_RADIUS: f64 = 1.0 / (1_u64 << 40) as f64;
 
-/// Radius at which a box of size zero in the origin is framed; VTK's.
+/// Framed radius of a box of size zero at the origin; VTK's.
 const RADIUS_OF_A_POINT: f64 = 0.5;
 
-/// An orbit stops this far from the poles, degrees: there, up and viewing direction would be parallel.
+/// Closest approach of an orbit to the poles, degrees: there, up and viewing direction would be parallel.
 const POLE_MARGIN: f64 = 0.1;
 
 impl Camera {
@@ -53,7 +53,7 @@ impl Camera {
         camera.view(1, 1).map(|_| camera)
     }
 
-    /// The camera that frames a box if nobody asked for another: 30 degrees, from the front right and above, +Z up.
+    /// The default camera for a box: 30 degrees, from the front right and above, +Z up.
     ///
     /// # Errors
     /// If bounds are not finite or so large that distances overflow.
@@ -61,8 +61,8 @@ impl Camera {
         Self::frame(bounds_lo, bounds_hi, DEFAULT_DIRECTION, DVec3::Z, DEFAULT_VIEW_ANGLE)
     }
 
-    /// The camera moved back (perspective) or zoomed out (parallel), so that what fitted the height of an image also fits
-    /// its width where it is narrower than high; the same camera for other images.
+    /// The camera moved back (perspective) or zoomed out (parallel), so that a scene that fits the height of an image also fits the width
+    /// of a narrow one; unchanged if the image is at least as wide as high.
     #[must_use]
     pub fn fit_to_aspect(&self, width_px: usize, height_px: usize) -> Camera {
         if width_px >= height_px || width_px == 0 {
@@ -93,7 +93,7 @@ impl Camera {
         }
         let (forward, right) = self.forward_and_right()?;
         let image_up = right.cross(forward);
-        // The axis is the given up where that has a direction of its own, else the up that the view takes instead.
+        // The axis is the camera's up where that is valid, else the up that the view substitutes.
         let axis = unit(self.view_up).filter(|up| up.dot(image_up) > 0.0 && up.cross(forward).length() > 1e-6);
         let axis = axis.unwrap_or(image_up);
         let ahead = axis.cross(right);

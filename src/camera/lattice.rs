@@ -1,9 +1,9 @@
-//! [`Lattice`]: the pixels of an image that rays are cast for.
+//! [`Lattice`]: a regular subset of an image's pixels for which rays are cast.
 
 use std::num::NonZeroUsize;
 
-/// The pixels whose column and whose row are multiples of a stride, or the last of the image. They make a plane of their own, in
-/// the order of the image: (columns - 1) / stride, rounded up, plus one by the same of the rows.
+/// The pixels whose column and row are multiples of a stride, or the last of the image. They form a plane of their own, in image order, of
+/// ceil((columns - 1) / stride) + 1 columns, and as many rows by the same formula.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lattice {
     stride_px: NonZeroUsize,
@@ -19,35 +19,35 @@ impl Lattice {
     /// All pixels.
     pub const ALL: Self = Self { stride_px: NonZeroUsize::MIN };
 
-    /// Every `stride_px`-th pixel in both directions, and the last ones. One beyond the size of the image leaves its corners.
+    /// Every `stride_px`-th pixel in both directions, and the last ones. A stride beyond the image's size leaves its corners.
     pub const fn new(stride_px: NonZeroUsize) -> Self {
         Self { stride_px }
     }
 
-    /// How many pixels one is from the next.
+    /// Distance between neighbouring pixels of the lattice.
     pub const fn stride_px(self) -> usize {
         self.stride_px.get()
     }
 
-    /// How many of so many pixels of a row (or of a column) it has.
+    /// Number of lattice pixels in a row (or column) of `pixels`.
     pub const fn count(self, pixels: usize) -> usize {
         pixels.saturating_sub(1).div_ceil(self.stride_px()) + 1
     }
 
-    /// The pixel, of so many, at place `at` in the plane.
+    /// Column (or row), out of `pixels`, of the lattice pixel at index `at` in the plane.
     #[inline]
     pub const fn pixel(self, at: usize, pixels: usize) -> usize {
         let (pixel, last) = (at.saturating_mul(self.stride_px()), pixels - 1);
         if pixel < last { pixel } else { last }
     }
 
-    /// Whether it has a pixel, of so many.
+    /// Whether column (or row) `pixel`, out of `pixels`, is in the lattice.
     #[inline]
     pub const fn has(self, pixel: usize, pixels: usize) -> bool {
         pixel.is_multiple_of(self.stride_px()) || pixel + 1 == pixels
     }
 
-    /// The first place in the plane whose pixel, of so many, is not before `pixel`; [`Self::count`] if there is none.
+    /// Index in the plane of the first lattice pixel, out of `pixels`, at or after `pixel`; [`Self::count`] if there is none.
     #[inline]
     pub const fn first_from(self, pixel: usize, pixels: usize) -> usize {
         let (count, next) = (self.count(pixels), pixel.div_ceil(self.stride_px()));

@@ -1,4 +1,4 @@
-//! Cameras: VTK's fields, and the view-space ray of each pixel.
+//! Cameras with VTK's fields, and the view-space ray of each pixel.
 //!
 //! World: right-handed, +Z up. View: x right, y up, w forward (depth along the viewing direction); the eye is the origin.
 
@@ -20,7 +20,7 @@ use crate::short::Short;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-/// How the image plane sees the world.
+/// Projection of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Projection {
@@ -45,23 +45,23 @@ pub enum Projection {
 pub struct Camera {
     /// The eye.
     pub position: DVec3,
-    /// The point looked at.
+    /// The point that the camera looks at.
     pub focal_point: DVec3,
     /// Up; need not be orthogonal to the viewing direction.
     pub view_up: DVec3,
     /// Perspective or parallel.
     pub projection: Projection,
-    /// Nothing nearer to the eye than this is drawn (world units along the viewing direction; perspective only).
+    /// Near distance: nothing nearer to the eye is drawn (world units along the viewing direction; perspective only).
     pub near: f64,
 }
 
-/// Why a camera sees nothing, or its text says nothing.
+/// Why a camera has no view, or its text cannot be parsed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CameraError {
     /// A field is NaN, infinite, or so large that distances overflow.
     #[error("camera {0} is not finite")]
     NotFinite(&'static str),
-    /// There is no viewing direction.
+    /// Position and focal point coincide.
     #[error("camera position and focal point coincide; move one of them")]
     NoDirection,
     /// The view angle is outside (0, 180) degrees.
@@ -73,18 +73,18 @@ pub enum CameraError {
     /// The near distance is negative.
     #[error("near distance {} is negative; 0 leaves nothing out", Short(.0))]
     BadNear(f64),
-    /// An image without pixels.
+    /// The image has no pixels.
     #[error("an image of {0} x {1} pixels has no pixels")]
     NoPixels(usize, usize),
-    /// An image of more pixels than can be numbered.
+    /// The image has more pixels than u32 can number.
     #[error("an image of {0} x {1} pixels is too large: {max} pixels are the most", max = u32::MAX)]
     TooManyPixels(usize, usize),
     /// A part of the camera's text cannot be read.
     #[error("camera '{part}': {problem}")]
     BadText {
-        /// The offending part of the text.
+        /// The invalid part.
         part: String,
-        /// What is wrong with it, and what would be right.
+        /// What is wrong with it, and a valid form.
         problem: String,
     },
 }

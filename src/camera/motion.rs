@@ -1,15 +1,14 @@
-//! What a mouse and keys do to a camera: shifts, zooms, views along an axis, the other projection.
+//! Camera motions by mouse and keys: pan, zoom, views along an axis, change of projection.
 //!
-//! Places in the image are *plane coordinates*: (0, 0) is the centre, x to the right, y upwards, +-1 the upper and lower
-//! edge; x reaches as far as the image is wider than high. They are those of the plane through the focal point that faces the
-//! eye, so that what lies there stays under the cursor.
+//! Positions in the image are *plane coordinates*: (0, 0) is the centre, x to the right, y upwards, +-1 the upper and lower edge; x extends
+//! to the aspect ratio. They refer to the plane through the focal point that faces the eye, so that its points stay under the cursor.
 
 use super::framing::DEFAULT_VIEW_ANGLE;
 use super::{Camera, CameraError, Projection, length};
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// A coordinate axis to look along.
+/// A coordinate axis as viewing direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Axis {
@@ -21,12 +20,12 @@ pub enum Axis {
     Z,
 }
 
-/// Nearer to the focal point than this share of that point's distance from the world's origin the eye does not go: the
-/// direction between them would be one of rounding.
+/// Minimum distance of the eye from the focal point, as a share of that point's distance from the world's origin: nearer, rounding would
+/// dominate the viewing direction.
 const SMALLEST_RELATIVE_DISTANCE: f64 = 1.0 / (1_u64 << 30) as f64;
 
 impl Axis {
-    /// Unit vector along the axis, and the one that is up when looking along it.
+    /// Unit vector along the axis, and the up vector of a view along it.
     fn directions(self) -> (DVec3, DVec3) {
         match self {
             Self::X => (DVec3::X, DVec3::Z),
@@ -37,7 +36,7 @@ impl Axis {
 }
 
 impl Camera {
-    /// World units per plane coordinate at the focal point: half the height of what is seen there.
+    /// World units per plane coordinate at the focal point: half the visible height there.
     ///
     /// # Errors
     /// As [`Camera::view`].
@@ -49,10 +48,10 @@ impl Camera {
         })
     }
 
-    /// The camera moved in its image plane, so that what is at the focal point moves by `by` (plane coordinates).
+    /// The camera moved in its image plane, so that the scene at the focal point moves by `by` (plane coordinates).
     ///
     /// # Errors
-    /// As [`Camera::view`], or if the camera would be nowhere.
+    /// As [`Camera::view`], or if the camera would no longer be finite.
     pub fn pan(&self, by: DVec2) -> Result<Camera, CameraError> {
         let (forward, right) = self.forward_and_right()?;
         let up = right.cross(forward);
@@ -60,22 +59,22 @@ impl Camera {
         checked(Camera { position: self.position + shift, focal_point: self.focal_point + shift, ..*self })
     }
 
-    /// How far a plane through the focal point has to move along its normal (any length) to follow the mouse, which moved by `by` (heights of the
-    /// image, x to the right, y upwards): world units. A plane that faces the eye comes nearer when the mouse moves up. 0 without a view.
+    /// World length by which a plane through the focal point moves along its normal (any length) to follow a mouse movement `by` (heights
+    /// of the image, x to the right, y upwards). A plane that faces the eye comes nearer when the mouse moves up. 0 without a view.
     pub fn length_along(&self, normal: DVec3, by: DVec2) -> f64 {
         let (Ok((forward, right)), Ok(half_height)) = (self.forward_and_right(), self.half_height_at_focus()) else {
             return 0.0;
         };
         let normal = (normal / normal.abs().max_element()).normalize_or_zero();
         let seen = DVec2::new(normal.dot(right), normal.dot(right.cross(forward)));
-        // Seen from within 17 degrees of its normal: a small movement of the mouse would be a large one of the plane.
+        // Seen within 17 degrees of its normal, a small movement of the mouse would move the plane far.
         let faces = seen.length() < 0.3;
         let share = if faces { -by.y * normal.dot(forward).signum() } else { by.dot(seen) / seen.length_squared() };
         2.0 * half_height * share
     }
 
-    /// The camera nearer to its focal point (perspective) or with a smaller scale (parallel): what is there becomes `factor`
-    /// times as large.
+    /// The camera moved nearer to its focal point (perspective) or with a smaller scale (parallel): the scene there becomes `factor` times
+    /// as large.
     ///
     /// # Errors
     /// As [`Camera::view`], or if the factor is not positive or the camera would be too near or too far.
@@ -97,18 +96,18 @@ impl Camera {
         checked(camera)
     }
 
-    /// [`Camera::zoom`] around a place in the image (plane coordinates): what is there, as far from the eye as the focal
-    /// point, stays there.
+    /// [`Camera::zoom`] around a position in the image (plane coordinates): the point there, as far from the eye as the focal point, stays
+    /// there.
     ///
     /// # Errors
     /// As [`Camera::zoom`].
     pub fn zoom_to_cursor(&self, factor: f64, cursor: DVec2) -> Result<Camera, CameraError> {
-        // After zooming, what was at the cursor is at `factor` times its distance from the centre.
+        // Zooming moves the point at the cursor to `factor` times its distance from the centre.
         self.zoom(factor)?.pan(cursor * (1.0 - factor))
     }
 
-    /// The camera at the same distance from its focal point that looks along an axis, towards its positive end or, with
-    /// `from_positive`, from there.
+    /// The camera at the same distance from its focal point that looks along an axis, in positive direction or, with `from_positive`, in
+    /// negative.
     ///
     /// # Errors
     /// As [`Camera::view`].
@@ -119,8 +118,8 @@ impl Camera {
         checked(Camera { position: self.focal_point + sign * distance * direction, view_up, ..*self })
     }
 
-    /// Parallel projection instead of perspective or the reverse, at a view angle of 30 degrees; what is at the focal point
-    /// keeps its size in the image.
+    /// The camera with parallel projection instead of perspective or the reverse, at a view angle of 30 degrees; the scene at the focal
+    /// point keeps its size in the image.
     ///
     /// # Errors
     /// As [`Camera::view`].
@@ -140,7 +139,7 @@ impl Camera {
     }
 }
 
-/// A camera through which there is a view.
+/// The camera, if it has a view.
 fn checked(camera: Camera) -> Result<Camera, CameraError> {
     camera.view(1, 1).map(|_| camera)
 }

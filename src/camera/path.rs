@@ -1,19 +1,18 @@
-//! The way from one camera to another, for keys on a timeline.
+//! Interpolation between two cameras, for keys on a timeline.
 
 use super::{Camera, CameraError, Projection, length};
 use glam::{DMat3, DQuat, DVec3};
 
 impl Camera {
-    /// The camera at a share 0..=1 of the way from `a` to `b`; exactly those at both ends.
+    /// The camera at `weight` 0..=1 from `a` to `b`; exactly those at the ends.
     ///
-    /// The focal point goes straight; the eye turns around it at an even rate by the shortest rotation (of the viewing direction
-    /// together with up), while its distance changes by equal factors in equal shares: halfway between two views from the same
-    /// distance the mesh is as large as at both ends, and a zoom is as fast at its end as at its begin. Angle of view and near
-    /// distance change evenly, a parallel scale by equal factors. A projection does not change gradually: that of `a` holds until
-    /// the end, at the size that the focal point has.
+    /// The focal point moves straight; the eye turns around it at a constant rate by the shortest rotation (of viewing direction and up),
+    /// while its distance changes geometrically: between two views from the same distance the mesh keeps its size, and a zoom has a
+    /// constant rate. View angle and near distance change linearly, a parallel scale geometrically. The projection does not blend: that of
+    /// `a` holds until the end, with the size at the focal point interpolated.
     ///
     /// # Errors
-    /// If there is no view through one of the two.
+    /// If one of the two cameras has no view.
     pub fn between(a: &Camera, b: &Camera, weight: f64) -> Result<Camera, CameraError> {
         if weight <= 0.0 {
             return a.view(1, 1).map(|_| *a);
@@ -22,7 +21,7 @@ impl Camera {
             return b.view(1, 1).map(|_| *b);
         }
         let is_alike = std::mem::discriminant(&a.projection) == std::mem::discriminant(&b.projection);
-        // Of another projection, what is as large at the focal point.
+        // A camera with the other projection is converted, at equal size at the focal point.
         let b = if is_alike { *b } else { b.with_other_projection()? };
         let projection = mixed(a.projection, b.projection, weight);
         let (from, to) = (a.orientation()?, b.orientation()?);
@@ -39,18 +38,18 @@ impl Camera {
         camera.view(1, 1).map(|_| camera)
     }
 
-    /// The rotation that takes z to the viewing direction and y to what is up in the image.
+    /// The rotation that takes z to the viewing direction and y to the image's up.
     fn orientation(&self) -> Result<DQuat, CameraError> {
         let (forward, right) = self.forward_and_right()?;
         let up = right.cross(forward);
-        // Right, up, forward is a left-handed system: its first axis is turned round.
+        // Right, up, forward is a left-handed system, so its first axis is negated.
         Ok(DQuat::from_mat3(&DMat3::from_cols(-right, up, forward)).normalize())
     }
 }
 
-/// Between two positive numbers, by equal factors in equal shares.
+/// Geometric interpolation between two positive numbers.
 fn geometric(a: f64, b: f64, weight: f64) -> f64 {
-    // Logarithms of each, as a quotient could overflow.
+    // Logarithms of each, since a quotient could overflow.
     (a.ln() * (1.0 - weight) + b.ln() * weight).exp()
 }
 
@@ -90,9 +89,9 @@ mod tests {
         let (a, b) = (around(0.0, 10.0), around(120.0, 10.0));
         let middle = Camera::between(&a, &b, 0.5).unwrap();
         assert!((distance(&middle) - 10.0).abs() < ROUNDING, "{}", distance(&middle));
-        // The straight way would be nearer.
+        // Linear interpolation of the eye would come nearer.
         assert!(distance(&Camera { position: 0.5 * (a.position + b.position), ..a }) < 9.0);
-        // It is as far from one as from the other.
+        // Both cameras are equally far from it.
         let to = |c: &Camera| (c.position - middle.position).length();
         assert!((to(&a) - to(&b)).abs() < ROUNDING && to(&a) > 1.0);
     }

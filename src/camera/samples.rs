@@ -1,15 +1,15 @@
-//! [`Samples`]: the pixels of an image that rays are cast for, and their places in the plane that is rendered.
+//! [`Samples`]: the pixels of an image for which rays are cast, and their indices in the rendered plane.
 
 use super::Lattice;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// The pixels of an image that rays are cast for. A plane that is rendered has one place for each of them.
+/// The pixels of an image for which rays are cast. The rendered plane has one pixel for each of them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Samples {
-    /// Every so many pixels in both directions; the plane has their order in the image.
+    /// Pixels at a stride in both directions; the plane has their order in the image.
     Lattice(Lattice),
-    /// Pixels of a list; the plane is one row of them, in the order of the list.
+    /// A list of pixels; the plane is one row, in the order of the list.
     Pixels(Arc<PixelSet>),
 }
 
@@ -24,51 +24,51 @@ impl Samples {
     pub const ALL: Self = Self::Lattice(Lattice::ALL);
 }
 
-/// Pixels of an image, each at most once, in an order that is kept.
+/// Distinct pixels of an image, in a given order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PixelSet {
     size_px: (usize, usize),
-    /// Row times the width of the image plus column, as they were given.
+    /// Row times the width of the image plus column, in the given order.
     pixels: Vec<u32>,
-    /// The same pixels in ascending order, each with its place in the list.
+    /// The same pixels in ascending order, each with its index in the list.
     sorted: Vec<(u32, u32)>,
 }
 
-/// Why pixels are no list of an image's.
+/// Why a list of pixels is invalid for an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PixelSetError {
-    /// There is none.
+    /// The list is empty.
     #[error("a list of no pixels; name one at least")]
     Empty,
-    /// One that the image does not have.
+    /// A pixel lies outside of the image.
     #[error("pixel {pixel} at place {place} of the list lies beyond an image of {width} x {height} pixels")]
     Beyond {
         /// Row times the width of the image plus column.
         pixel: u32,
-        /// Zero-based place in the list.
+        /// Zero-based index in the list.
         place: usize,
         /// Pixels per row of the image.
         width: usize,
         /// Rows of the image.
         height: usize,
     },
-    /// One that is there twice.
+    /// A pixel is listed twice.
     #[error("pixel {pixel} is at places {first} and {second} of the list; name it once")]
     Twice {
         /// Row times the width of the image plus column.
         pixel: u32,
-        /// Zero-based place in the list.
+        /// Zero-based index in the list.
         first: usize,
-        /// The next place that it is at.
+        /// Index of the second occurrence.
         second: usize,
     },
 }
 
 impl PixelSet {
-    /// A list for an image of so many columns and rows. Pixel `row * columns + column`, from the top left.
+    /// A list for an image of `size_px` columns and rows. Pixels are `row * columns + column`, from the top left.
     ///
     /// # Errors
-    /// If there is no pixel, one lies beyond the image, or one is there twice.
+    /// If the list is empty, or a pixel lies outside of the image or is listed twice.
     pub fn new(size_px: (usize, usize), pixels: &[u32]) -> Result<Self, PixelSetError> {
         let (width, height) = size_px;
         if pixels.is_empty() {
@@ -91,19 +91,19 @@ impl PixelSet {
         self.size_px
     }
 
-    /// How many there are, one at least.
+    /// Number of pixels, at least one.
     #[expect(clippy::len_without_is_empty, reason = "a list has a pixel at least")]
     pub fn len(&self) -> usize {
         self.pixels.len()
     }
 
-    /// Column and row of the pixel at a place of the list.
+    /// Column and row of the pixel at an index of the list.
     pub fn pixel(&self, place: usize) -> (usize, usize) {
         let pixel = self.pixels[place] as usize;
         (pixel % self.size_px.0, pixel / self.size_px.0)
     }
 
-    /// The pixels in some columns of a row, from left to right: their columns and their places in the list.
+    /// The listed pixels in a range of columns of a row, from left to right: their columns and their indices in the list.
     pub fn in_row(&self, row: usize, columns: Range<usize>) -> impl Iterator<Item = (usize, usize)> {
         let first = row * self.size_px.0;
         let at = |column: usize| self.sorted.partition_point(|&(pixel, _)| (pixel as usize) < first + column);

@@ -112,7 +112,7 @@ fn impossible_cameras_are_errors() {
 
 #[test]
 fn huge_offsets_keep_their_digits() {
-    // One million is an f32 disaster at pixel scale and exact in f64 as long as the eye is subtracted first.
+    // At an offset of one million f32 fails at pixel scale, while f64 is exact if the eye is subtracted first.
     let offset = DVec3::new(1_048_576.0, -2_097_152.0, 4_194_304.0);
     let near_by = camera();
     let far_off = Camera { position: near_by.position + offset, focal_point: near_by.focal_point + offset, ..near_by };
@@ -124,7 +124,7 @@ fn huge_offsets_keep_their_digits() {
 
 #[test]
 fn the_eye_is_subtracted_before_anything_is_rounded() {
-    // Ten million away, f32 has no bits behind the point; f64 has 2^-29.
+    // At ten million, f32 has no fractional bits; f64 has 2^-29.
     let offset = DVec3::new(1e7, -1e7, 1e7);
     let near_by = camera();
     let far_off = Camera { position: near_by.position + offset, focal_point: near_by.focal_point + offset, ..near_by };
@@ -133,7 +133,7 @@ fn the_eye_is_subtracted_before_anything_is_rounded() {
     // Each coordinate of the eye and of the point is rounded by 2^-30 at most, and a direction within the view by as much.
     let bound = 16.0 * 2.0f64.powi(-30);
     assert!((a.to_view(p) - b.to_view(p + offset)).length() <= bound);
-    // In f32, as a vertex shader that gets world coordinates would have it, the point has jumped to another place.
+    // In f32 world coordinates, as in a naive vertex shader, the point jumps.
     let naive = (p + offset).as_vec3() - far_off.position.as_vec3();
     let exact = p - near_by.position;
     assert!((naive.as_dvec3() - exact).length() > 0.1, "{naive} instead of {exact}");
@@ -290,7 +290,7 @@ proptest! {
     }
 }
 
-/// Which pixels of a view are rendered, where, by what it says pixel by pixel.
+/// Oracle: column, row and plane index of the rendered pixels, tested one by one.
 fn rendered_one_by_one(view: &View) -> Vec<(usize, usize, usize)> {
     let pixels = (0..view.height_px).flat_map(|row| (0..view.width_px).map(move |column| (column, row)));
     let rendered: Vec<_> = pixels.filter(|&(column, row)| view.renders(column, row)).collect();
@@ -345,13 +345,13 @@ fn a_plane_follows_the_mouse_along_its_normal() {
         let camera = Camera { position, focal_point, view_up: DVec3::Z, projection, near: 0.0 };
         let view = camera.view(100, 100).unwrap();
         let height = 2.0 * view.half_height * if view.perspective { 7.0 } else { 1.0 };
-        // To the right by a tenth of the height: x is to the right. The length of the normal does not matter.
+        // Movement to the right by a tenth of the height; the length of the normal does not matter.
         for (normal, by, expected) in [
             (DVec3::X, DVec2::new(0.1, 0.0), 0.1 * height),
             (DVec3::new(-5e200, 0.0, 0.0), DVec2::new(0.1, 0.05), -0.1 * height),
             (DVec3::Z, DVec2::new(0.3, 0.2), 0.2 * height),
             (DVec3::new(1.0, 0.0, 1.0), DVec2::new(0.1, 0.1), 0.1 * 2f64.sqrt() * height),
-            // It faces the eye, which is at negative y: up is nearer.
+            // The plane faces the eye, which is at negative y: up is nearer.
             (DVec3::Y, DVec2::new(0.3, 0.2), -0.2 * height),
             (-DVec3::Y, DVec2::new(0.3, 0.2), 0.2 * height),
         ] {

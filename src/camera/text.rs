@@ -8,8 +8,8 @@ use std::fmt;
 const PARTS: &str = "known parts are pos=x,y,z focal=x,y,z up=x,y,z angle=DEGREES parallel=SCALE near=DISTANCE";
 
 impl Camera {
-    /// Reads `pos=x,y,z focal=x,y,z up=x,y,z angle=30 near=0` (any order, `parallel=SCALE` in place of `angle`). Parts that
-    /// are missing are those of `default`.
+    /// Parses `pos=x,y,z focal=x,y,z up=x,y,z angle=30 near=0` (any order, `parallel=SCALE` in place of `angle`). Missing parts are taken
+    /// from `default`.
     ///
     /// # Errors
     /// [`CameraError::BadText`] names the part that cannot be read; otherwise as [`Camera::view`].
@@ -18,7 +18,7 @@ impl Camera {
         let mut seen: Vec<&str> = Vec::new();
         for part in text.split_whitespace() {
             let (key, value) = part.split_once('=').ok_or_else(|| bad(part, format!("has no '='; {PARTS}")))?;
-            // The two projections exclude each other, as two parts of one name do.
+            // The two projections exclude each other, like repeated parts.
             let slot = if key == "parallel" { "angle" } else { key };
             if seen.contains(&slot) {
                 return Err(bad(part, "the camera has this part already"));
@@ -39,7 +39,7 @@ impl Camera {
 }
 
 impl fmt::Display for Camera {
-    /// All parts; [`Camera::parse`] gives the same camera back, bit for bit.
+    /// Writes all parts; [`Camera::parse`] gives the same camera back, bit for bit.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (name, v) in [("pos", self.position), ("focal", self.focal_point), ("up", self.view_up)] {
             write!(f, "{name}={},{},{} ", Short(v.x), Short(v.y), Short(v.z))?;

@@ -18,7 +18,7 @@ pub struct View {
     pub up: DVec3,
     /// Unit vector of the viewing direction, world.
     pub forward: DVec3,
-    /// Whether rays meet in the eye.
+    /// Whether the projection is perspective.
     pub perspective: bool,
     /// Near distance, world; negative infinity for parallel projection.
     pub near: f64,
@@ -30,7 +30,7 @@ pub struct View {
     pub width_px: usize,
     /// Rows of the image.
     pub height_px: usize,
-    /// The pixels that rays are cast for.
+    /// The pixels for which rays are cast.
     pub samples: Samples,
 }
 
@@ -88,7 +88,7 @@ impl Camera {
         }
     }
 
-    /// Unit vectors forward and to the right.
+    /// Unit vectors forward and right.
     pub(super) fn forward_and_right(&self) -> Result<(DVec3, DVec3), CameraError> {
         for (name, v) in [("position", self.position), ("focal point", self.focal_point), ("up", self.view_up)] {
             if !v.is_finite() {
@@ -102,13 +102,13 @@ impl Camera {
         let ups = [self.view_up, DVec3::Z, DVec3::Y];
         let sideways = ups.into_iter().filter_map(unit).map(|up| forward.cross(up));
         let right = sideways.into_iter().find(|r| r.length() > DEGENERATE_SINE);
-        // Z and Y cannot both be parallel to one direction.
+        // Z and Y cannot both be parallel to the direction.
         let right = right.map(DVec3::normalize).ok_or(CameraError::NoDirection)?;
         Ok((forward, right))
     }
 }
 
-/// Whether there can be an image of this width and height.
+/// Checks that an image can have this width and height.
 pub(crate) fn check_size((width_px, height_px): (usize, usize)) -> Result<(), CameraError> {
     match width_px.checked_mul(height_px) {
         Some(0) => Err(CameraError::NoPixels(width_px, height_px)),
@@ -118,7 +118,7 @@ pub(crate) fn check_size((width_px, height_px): (usize, usize)) -> Result<(), Ca
 }
 
 impl View {
-    /// Width and height of the plane that is rendered: pixels of the lattice per row and rows of it, or one row of listed pixels.
+    /// Width and height of the rendered plane: pixels of the lattice per row and rows of it, or one row of listed pixels.
     pub fn plane_px(&self) -> (usize, usize) {
         match &self.samples {
             Samples::Lattice(lattice) => (lattice.count(self.width_px), lattice.count(self.height_px)),
@@ -126,13 +126,13 @@ impl View {
         }
     }
 
-    /// How many rays its samples are: one for each pixel of the plane that is rendered.
+    /// Number of rays: one for each pixel of the rendered plane.
     pub(crate) fn ray_count(&self) -> u64 {
         let (columns, rows) = self.plane_px();
         columns as u64 * rows as u64
     }
 
-    /// Depth before which rays see nothing: a perspective camera sees nothing behind its eye, a parallel one has no eye.
+    /// Depth at which rays start: the near distance, but at least 0 in perspective; parallel rays may start anywhere.
     pub fn near_depth(&self) -> f64 {
         if self.perspective { self.near.max(0.0) } else { f64::NEG_INFINITY }
     }
@@ -146,7 +146,8 @@ impl View {
         }
     }
 
-    /// The pixels that rays are cast for in some columns of a row, from left to right: their columns and their places in the plane.
+    /// The pixels for which rays are cast in a range of columns of a row, from left to right: their columns and their indices in the
+    /// rendered plane.
     pub fn rendered_in(&self, row: usize, columns: Range<usize>) -> impl Iterator<Item = (usize, usize)> {
         let (width, height) = (self.width_px, self.height_px);
         let (of_lattice, of_set) = match &self.samples {
@@ -163,7 +164,7 @@ impl View {
         of_lattice.into_iter().flatten().chain(of_set.into_iter().flatten())
     }
 
-    /// Column and row of the pixel at a place in the plane.
+    /// Column and row of the pixel at an index of the rendered plane.
     pub fn pixel_at(&self, place: usize) -> (usize, usize) {
         match &self.samples {
             Samples::Lattice(lattice) => {
@@ -175,13 +176,13 @@ impl View {
         }
     }
 
-    /// Whether rays are cast for pixels in a rectangle.
+    /// Whether rays are cast for any pixel of a rectangle.
     pub fn renders_some_in(&self, columns: Range<usize>, mut rows: Range<usize>) -> bool {
         self.samples == Samples::ALL && !columns.is_empty() && !rows.is_empty()
             || rows.any(|row| self.rendered_in(row, columns.clone()).next().is_some())
     }
 
-    /// The rows of the image that the pixels at some places in the plane are in, and perhaps others between them.
+    /// Range of image rows with the pixels at `places`, indices of the rendered plane; rows between them may have none.
     pub fn rows_of(&self, places: Range<usize>) -> Range<usize> {
         match &self.samples {
             Samples::Lattice(lattice) => {
@@ -203,7 +204,7 @@ impl View {
         self.ray_at(px_i as f64 + 0.5, px_j as f64 + 0.5)
     }
 
-    /// Image-plane coordinates of a place in the image in pixels, `x_px` from the left and `y_px` from the top.
+    /// Image-plane coordinates of a position in pixels, `x_px` from the left and `y_px` from the top.
     pub fn ray_at(&self, x_px: f64, y_px: f64) -> (f64, f64) {
         let x = x_px / self.width_px as f64 * 2.0 - 1.0;
         let y = 1.0 - y_px / self.height_px as f64 * 2.0;

@@ -1,10 +1,10 @@
-//! OpenEXR files: colour, depth and normals as 32-bit floats and numbers of surfaces as 32-bit integers, with attributes.
+//! OpenEXR files: colour, depth and normals as 32-bit floats, surface ids as 32-bit integers, and attributes.
 //!
-//! Channels R, G, B (premultiplied), A and, where there is such a plane, Z: world units, infinite where there is nothing; N.X, N.Y, N.Z; id. One part
-//! of scan lines, compressed without loss ([`ExrEncoding`]). The same image makes the same bytes.
+//! Channels R, G, B (premultiplied), A and, if the planes exist: Z (world units, infinite without a surface), N.X, N.Y, N.Z and id. One
+//! part of scan lines, losslessly compressed ([`ExrEncoding`]). Equal images give equal bytes.
 //!
-//! An EXR's colours are scene-linear by convention, accumulators are display-referred: [`ExrColor`] says which a file
-//! holds, and so does the file, so that reading gives accumulators again.
+//! Colours of an EXR are scene-linear by convention, accumulators are display-referred: [`ExrColor`] says which a file holds, and is stored
+//! in the file, so that reading gives accumulators again.
 
 use super::srgb::{linear_from_srgb, srgb_from_linear};
 use super::{Plane, Planes, RgbaImage};
@@ -25,14 +25,14 @@ mod read;
 pub use encoding::{ExrCompression, ExrDepth, ExrEncoding};
 pub use read::read_exr;
 
-/// What the colours of an EXR are.
+/// Colour space of an EXR's colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ExrColor {
-    /// Linear light, premultiplied: what other programs expect. sRGB's curve is undone on straight colours; where alpha is
-    /// 0, on the colour as it is.
+    /// Linear light, premultiplied, as other programs expect. sRGB's curve is inverted on straight colours; where alpha is 0, on the stored
+    /// colour.
     #[default]
     Linear,
-    /// The accumulators; as floats, bit for bit.
+    /// Display-referred accumulators; as floats, bit for bit.
     Raw,
 }
 
@@ -63,34 +63,34 @@ pub enum ExrValue {
     Number(f64),
 }
 
-/// Attributes by name: `software`, or a name with a dot in it (no name of the standard has one), 1 to 255 bytes.
+/// Attributes by name: `software`, or a name with a dot in it (no standard name has one), 1 to 255 bytes.
 pub type ExrAttributes = BTreeMap<String, ExrValue>;
 
-/// What [`read_exr`] finds.
+/// Result of [`read_exr`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExrImage {
-    /// Accumulators, and the planes of which there are channels: Z, N.X to N.Z, id.
+    /// Accumulators, and the planes whose channels exist: Z, N.X to N.Z, id.
     pub planes: Planes,
-    /// What the file holds; [`ExrColor::Linear`] if it does not say.
+    /// Colour space in the file; [`ExrColor::Linear`] if not stated.
     pub stored: ExrColor,
-    /// All texts and numbers that are no part of the standard, and `software`.
+    /// All text and number attributes outside of the standard, and `software`.
     pub attributes: ExrAttributes,
 }
 
 /// The attribute that holds the name of an [`ExrColor`].
 const COLOR: &str = "tetreel.color";
-/// The standard's attribute for the writing program.
+/// The standard's attribute for the program that wrote the file.
 const SOFTWARE: &str = "software";
 /// The longest name of an attribute, bytes.
 const LONGEST_NAME: usize = 255;
-/// The largest width and height that the format has room for (OpenEXR keeps twice of it within an i32).
+/// The largest width and height that the format supports (OpenEXR keeps twice of it within an i32).
 const LARGEST_SIDE: usize = i32::MAX as usize / 2 - 1;
 
-/// Writes the planes of an image that have pixels, colour among them. The file appears whole or not at all.
+/// Writes all planes that have pixels; colour must. The file is written whole or not at all.
 ///
 /// # Errors
 /// If colour has no pixels or is too large for the format, a colour (as stored) or a normal is not finite, a depth is NaN or minus
-/// infinity, a plane has another size, an attribute's name is not allowed, or the folder does not take the file.
+/// infinity, a plane has another size, an attribute's name is not allowed, or the file cannot be written.
 pub fn write_exr(
     path: &Path,
     planes: &Planes,
@@ -146,10 +146,10 @@ pub fn write_exr(
 
 /// Channels of normals.
 const NORMAL: [&str; 3] = ["N.X", "N.Y", "N.Z"];
-/// The channel of numbers of surfaces.
+/// The channel of surface ids.
 const ID: &str = "id";
 
-/// Whether planes can be stored.
+/// Checks that the planes can be stored.
 fn check(path: &Path, Planes { color, depth, normal, id }: &Planes) -> FileResult<()> {
     let (width, height) = (color.width, color.height);
     if color.pixels.is_empty() {
@@ -175,7 +175,7 @@ fn check(path: &Path, Planes { color, depth, normal, id }: &Planes) -> FileResul
     Ok(())
 }
 
-/// A plane that has pixels has as many as colour.
+/// Checks that a plane with pixels has the size of colour.
 fn check_size<P>(path: &Path, name: &str, plane: &Plane<P>, color: &RgbaImage) -> FileResult<()> {
     let (width, height) = (color.width, color.height);
     if plane.pixels.is_empty() || (plane.width, plane.height) == (width, height) {
@@ -185,26 +185,26 @@ fn check_size<P>(path: &Path, name: &str, plane: &Plane<P>, color: &RgbaImage) -
     Err(FileError::invalid(path, name, problem))
 }
 
-/// A pixel of linear light from accumulators: straight, linear, premultiplied again.
+/// Linear light of an accumulator pixel: unpremultiplied, linearised, premultiplied again.
 fn linear_pixel([r, g, b, a]: [f32; 4]) -> [f32; 4] {
     let [r, g, b] = on_straight([r, g, b], a, linear_from_srgb);
     [r, g, b, a]
 }
 
-/// Accumulators from a pixel of linear light: the inverse of [`linear_pixel`].
+/// Accumulators of a linear-light pixel: the inverse of [`linear_pixel`].
 fn accumulators([r, g, b, a]: [f32; 4]) -> [f32; 4] {
     let [r, g, b] = on_straight([r, g, b], a, srgb_from_linear);
     [r, g, b, a]
 }
 
-/// Applies a curve to a premultiplied colour as if it were straight. Light without opacity has no straight colour: its curve
-/// is that of an opaque pixel, so that it comes back.
+/// Applies a curve to the straight colour of a premultiplied one. Colour without opacity has no straight colour: the curve is applied as if
+/// the pixel were opaque, so that it stays invertible.
 fn on_straight(rgb: [f32; 3], a: f32, curve: impl Fn(f64) -> f64) -> [f32; 3] {
     let a = if a == 0.0 { 1.0 } else { f64::from(a) };
     rgb.map(|c| (curve(f64::from(c) / a) * a) as f32)
 }
 
-/// The attributes in the library's terms.
+/// Converts the attributes to the library's types.
 fn layer_attributes(path: &Path, attributes: &ExrAttributes, stored: ExrColor) -> FileResult<LayerAttributes> {
     let text = |text: &str| Text::from_slice_unchecked(text.as_bytes());
     let mut layer = LayerAttributes::default();
@@ -230,11 +230,11 @@ fn layer_attributes(path: &Path, attributes: &ExrAttributes, stored: ExrColor) -
     Ok(layer)
 }
 
-/// Where the header of a file with one part begins: behind magic number and version.
+/// Offset of the header in a file with one part: after magic number and version.
 const HEADER_START: usize = 8;
 
-/// Brings the attributes of the header into the order of their names. The library keeps ours in a hash map and writes them
-/// in another order each time. Nothing else moves: the header keeps its length. `None` if the header does not end.
+/// Sorts the attributes of the header by name, since the library writes ours in hash-map order, different each time. Other bytes stay in
+/// place: the header keeps its length. `None` if the header does not end.
 ///
 /// An attribute is its name and its type, both ended by a zero byte, the size of its value (i32, little-endian) and the
 /// value; a zero byte ends the header ("OpenEXR File Layout", openexr.com).
@@ -246,7 +246,7 @@ fn sort_attributes(bytes: &mut [u8]) -> Option<()> {
         let value_size = end_of_text(end_of_text(at)?)?;
         let size = i32::from_le_bytes(bytes.get(value_size..value_size + 4)?.try_into().ok()?);
         let end = value_size + 4 + usize::try_from(size).ok()?;
-        // The name ends with the first zero byte: names are compared before anything else.
+        // The name ends with the first zero byte, so sorting the bytes sorts by name.
         attributes.push(bytes.get(at..end)?.to_vec());
         at = end;
     }
@@ -255,11 +255,11 @@ fn sort_attributes(bytes: &mut [u8]) -> Option<()> {
     Some(())
 }
 
-/// What to do with a file of a kind that is not read.
+/// Advice for files of an unsupported kind.
 const SAVE_AS: &str =
     "save it as one flat image with channels R, G, B and A, neither cropped nor subsampled, compressed as ZIP";
 
-/// The library's error as one about a file.
+/// Converts the library's error to a file error.
 fn file_error(path: &Path, error: ExrError) -> FileError {
     match error {
         ExrError::NotSupported(problem) => FileError::unsupported(path, "", problem).remedy(SAVE_AS),

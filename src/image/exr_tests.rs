@@ -3,7 +3,7 @@ use ::exr::image::write::WritableImage as _;
 use ::exr::image::{Encoding, FlatImage};
 use ::exr::meta::attribute::ChannelDescription;
 
-/// Colours that a volume gives, and corners: dark, bright, below 0, without opacity, faint.
+/// Typical colours of a volume, and edge cases: dark, bright, below 0, without opacity, faint.
 fn image(width: usize, height: usize) -> RgbaImage {
     let corners = [
         [0.0; 4],
@@ -25,7 +25,7 @@ fn image(width: usize, height: usize) -> RgbaImage {
     RgbaImage { width, height, pixels: pixels.collect() }
 }
 
-/// Planes without others.
+/// Colour with or without depth, and no other planes.
 fn planes(color: &RgbaImage, depth: Option<&Plane<f32>>) -> Planes {
     Planes { color: color.clone(), depth: depth.cloned().unwrap_or_default(), ..Planes::default() }
 }
@@ -79,9 +79,9 @@ fn without_depth_there_is_none() {
     assert_eq!(read_exr(&path).unwrap().planes.depth, Plane::default());
 }
 
-/// How far a colour may be from what it was. Stored linear light is rounded to f32, by a share of 2^-24 or, where it is
-/// subnormal, by 2^-150; sRGB's inverse makes relative errors no larger (its curve c(l) has l c'(l) <= c(l)) and absolute
-/// ones at most 12.92 times, its steepest; then the colour is rounded. A little is left for f64.
+/// Bound of a colour's round-trip error. Stored linear light is rounded to f32, by a share of 2^-24 or, where it is subnormal, by 2^-150;
+/// sRGB's inverse makes relative errors no larger (its curve c(l) has l c'(l) <= c(l)) and absolute ones at most 12.92 times, its steepest
+/// slope; then the colour is rounded. Some slack is left for f64.
 fn bound(c: f32) -> f64 {
     let relative = 2.0 * 2.0_f64.powi(-24);
     f64::from(c.abs()) * relative * 1.000_001 + (12.92 + 1.0) * 2.0_f64.powi(-150) * 1.000_001
@@ -100,7 +100,7 @@ fn linear_images_come_back_within_the_rounding_of_floats() {
             assert!((f64::from(was[c]) - f64::from(is[c])).abs() <= bound(was[c]), "{was:?} {is:?}");
         }
     }
-    // The bound is tight enough to notice a change of a few units in the last place.
+    // The bound is tight enough to detect a change of a few units in the last place.
     assert!(f64::from(0.5_f32) * (1.0 + 3e-7) - 0.5 > bound(0.5));
 }
 
@@ -185,7 +185,7 @@ fn what_cannot_be_stored_is_refused_and_the_old_file_stays() {
     write_exr(&path, &planes(&bright, None), ExrColor::Raw, &none).unwrap();
 }
 
-/// A file as another program may write it.
+/// A file in the style of another program.
 fn write_foreign(path: &Path, encoding: Encoding, samples: Vec<(&str, FlatSamples)>, size: (usize, usize)) {
     let channels = samples.into_iter().map(|(name, samples)| AnyChannel::new(name, samples)).collect();
     let layer = Layer::new(size, LayerAttributes::default(), encoding, AnyChannels::sort(channels));
@@ -223,7 +223,7 @@ fn cropped_images_are_refused() {
     assert!(read_exr(&path).unwrap_err().to_string().contains("cropped"));
 }
 
-/// The bytes of a small file of ours.
+/// The bytes of a small file written by [`write_exr`].
 fn whole(path: &Path) -> Vec<u8> {
     write_exr(path, &planes(&image(5, 20), Some(&depth_of(&image(5, 20)))), ExrColor::Raw, &some_attributes()).unwrap();
     std::fs::read(path).unwrap()
@@ -269,7 +269,7 @@ fn random_bytes_are_refused() {
         let mut bytes: Vec<u8> = (0..length).map(|_| random()).collect();
         std::fs::write(&path, &bytes).unwrap();
         assert!(read_exr(&path).is_err());
-        // The same behind a magic number and version.
+        // The same after a magic number and version.
         bytes.splice(0..0, [0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0]);
         std::fs::write(&path, &bytes).unwrap();
         assert!(read_exr(&path).is_err());
@@ -328,7 +328,7 @@ fn every_encoding_comes_back_and_does_not_depend_on_threads() {
             let back = read_exr(&path).unwrap().planes;
             assert!(back.depth == planes.depth, "depths stay floats");
             let pairs = back.color.pixels.iter().flatten().zip(color.pixels.iter().flatten());
-            // Halves have 11 digits, and round to the nearest.
+            // Halves have 11 significant bits and round to nearest.
             assert!(pairs.clone().all(|(a, b)| (a - b).abs() <= b * 2.0_f32.powi(-11)), "{compression}");
             assert!(pairs.into_iter().any(|(a, b)| a != b), "a third is none of them");
         }

@@ -1,4 +1,4 @@
-//! Separable filters on one plane of numbers.
+//! Separable filters on a plane of numbers.
 
 use super::Plane;
 use rayon::prelude::*;
@@ -7,7 +7,7 @@ use rayon::prelude::*;
 pub(super) struct Kernel(Vec<f64>);
 
 impl Kernel {
-    /// `f` at each offset.
+    /// Samples `f` at each offset.
     pub(super) fn sample(radius: usize, f: impl Fn(f64) -> f64) -> Self {
         Self((0..=2 * radius).map(|i| f(i as f64 - radius as f64)).collect())
     }
@@ -16,13 +16,13 @@ impl Kernel {
         self.0.iter().sum()
     }
 
-    /// Scaled to a sum of 1.
+    /// The kernel scaled to a sum of 1.
     pub(super) fn normalised(self) -> Self {
         let sum = self.sum();
         Self(self.0.into_iter().map(|w| w / sum).collect())
     }
 
-    /// Positive weights scaled to a sum of 1, negative ones to -1.
+    /// The kernel with positive weights scaled to a sum of 1, negative ones to -1.
     pub(super) fn signs_normalised(self) -> Self {
         let positive: f64 = self.0.iter().filter(|w| **w > 0.0).sum();
         let negative: f64 = -self.0.iter().filter(|w| **w < 0.0).sum::<f64>();
@@ -35,7 +35,7 @@ impl Kernel {
 }
 
 impl Plane<f64> {
-    /// The plane filtered by one kernel along rows and another along columns; beyond its edges the plane holds on.
+    /// The plane filtered by one kernel along rows and another along columns; edges are replicated.
     pub(super) fn convolved(&self, along_rows: &Kernel, along_columns: &Kernel) -> Self {
         let (width, height) = (self.width, self.height);
         let clamped = |i: usize, k: usize, radius: usize, size: usize| (i + k).saturating_sub(radius).min(size - 1);

@@ -1,4 +1,4 @@
-//! LDR-FLIP: the difference that a viewer sees when flipping between two images.
+//! LDR-FLIP: the perceived difference when flipping between two images.
 //!
 //! P. Andersson, J. Nilsson, T. Akenine-Moeller, M. Oskarsson, K. Astroem, M. D. Fairchild, "FLIP: A Difference Evaluator for
 //! Alternating Images", HPG 2020; section numbers are the paper's. Edges of the image are replicated.
@@ -21,13 +21,13 @@ const Q_COLOUR: f64 = 0.7;
 const P_COLOUR: f64 = 0.4;
 const P_THRESHOLD: f64 = 0.95;
 const Q_FEATURE: f64 = 0.5;
-/// Width of an edge or point that the eye makes out, degrees.
+/// Width of an edge or point that the eye resolves, degrees.
 const FEATURE_WIDTH: f64 = 0.082;
 
 /// Contrast sensitivity (table 1): (a, b) of the Gaussians of Y, Cx and Cz.
 const SENSITIVITY: [&[(f64, f64)]; 3] = [&[(1.0, 0.0047)], &[(1.0, 0.0053)], &[(34.1, 0.04), (13.5, 0.025)]];
 
-/// The largest b, which decides how far all filters reach.
+/// The largest b, which determines the radius of all filters.
 const WIDEST: f64 = 0.04;
 
 /// Linear sRGB to XYZ, and its inverse.
@@ -62,11 +62,11 @@ pub(super) fn mean_flip(reference: &[[f32; 3]], test: &[[f32; 3]], width: usize,
         colour.powf(1.0 - feature)
     };
     let differences: Vec<f64> = (0..width * height).into_par_iter().map(difference).collect();
-    // Summed in one order, so that the mean is the same for any number of threads.
+    // Sequential sum, so that the mean is the same for any number of threads.
     differences.iter().sum::<f64>() / differences.len() as f64
 }
 
-/// Small and large colour differences share 0..1 (4.1.3).
+/// Maps small and large colour differences to shares of 0..1 (4.1.3).
 fn remap(difference: f64, largest: f64) -> f64 {
     let knee = P_COLOUR * largest;
     if difference < knee {
@@ -80,7 +80,7 @@ fn remap(difference: f64, largest: f64) -> f64 {
 fn as_seen(ycxcz: &[Plane<f64>; 3]) -> Vec<Pixel> {
     let radius = (3.0 * (WIDEST / (2.0 * PI * PI)).sqrt() * PIXELS_PER_DEGREE).ceil() as usize;
     let [y, cx, cz] = std::array::from_fn(|c| {
-        // A Gaussian in two dimensions is one along rows times one along columns; its share is its sum over both.
+        // A 2-D Gaussian is the product of one along rows and one along columns; its share is its sum over both.
         let parts: Vec<(f64, Kernel)> = SENSITIVITY[c]
             .iter()
             .map(|&(a, b)| {
@@ -125,7 +125,7 @@ fn times(matrix: &[[f64; 3]; 3], v: Pixel) -> Pixel {
     std::array::from_fn(|i| matrix[i][0] * v[0] + matrix[i][1] * v[1] + matrix[i][2] * v[2])
 }
 
-/// XYZ of white, of which all XYZ are shares.
+/// XYZ of white, to which all XYZ are relative.
 fn white() -> Pixel {
     times(&XYZ_FROM_RGB, [1.0; 3])
 }
@@ -145,7 +145,7 @@ fn linear_from_ycxcz([y, cx, cz]: Pixel) -> Pixel {
     times(&RGB_FROM_XYZ, [(y + cx / 500.0) * white[0], y * white[1], (y - cz / 200.0) * white[2]])
 }
 
-/// L*a*b* with chroma reduced in the dark, after Hunt.
+/// L*a*b* with chroma reduced at low luminance, after Hunt.
 fn hunt_lab(linear: Pixel) -> Pixel {
     const DELTA: f64 = 6.0 / 29.0;
     let root = |t: f64| if t > DELTA.powi(3) { t.cbrt() } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 };

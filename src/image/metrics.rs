@@ -1,4 +1,4 @@
-//! How different two images are.
+//! Difference metrics of two images.
 
 use super::filter::Kernel;
 use super::flip::mean_flip;
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 pub struct ImageMetrics {
     /// Largest absolute difference of raw accumulators, over all pixels and four channels.
     pub max: f64,
-    /// Root of the mean square difference, over the same.
+    /// Root mean square difference, over the same samples.
     pub rmse: f64,
     /// Peak signal-to-noise ratio in dB, `-20 log10(rmse)` (the peak is 1); infinite for equal images (JSON: null).
     #[serde(deserialize_with = "null_is_infinite")]
@@ -35,10 +35,10 @@ pub enum MetricsError {
     /// There is nothing to compare.
     #[error("the images have no pixels")]
     NoPixels,
-    /// A NaN or an infinity, which no metric may average away.
+    /// A pixel is NaN or infinite.
     #[error("pixel ({column}, {row}) of the {which} image is not finite")]
     NotFinite {
-        /// "first" or "second".
+        /// The image: "first" or "second".
         which: &'static str,
         /// Column from the left.
         column: usize,
@@ -67,13 +67,13 @@ pub fn compare(a: &RgbaImage, b: &RgbaImage, background: [f32; 3]) -> Result<Ima
 /// Differences of the raw accumulators of two images of equal size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RawDifference {
-    /// Largest absolute one, over all pixels and four channels.
+    /// Largest absolute difference, over all pixels and four channels.
     pub max: f64,
-    /// Root of the mean square, over the same.
+    /// Root mean square difference, over the same samples.
     pub rmse: f64,
 }
 
-/// The first two numbers of [`compare`], without the others, which take longer.
+/// `max` and `rmse` of [`compare`], without the slower metrics.
 ///
 /// # Errors
 /// As [`compare`].
@@ -101,30 +101,30 @@ pub fn compare_raw(a: &RgbaImage, b: &RgbaImage) -> Result<RawDifference, Metric
 /// Differences between two planes of distances of equal size.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DepthMetrics {
-    /// Largest absolute difference where both have a distance, world units; 0 if that is nowhere.
+    /// Largest absolute difference where both planes have a distance, world units; 0 if there is no such pixel.
     pub max: f64,
-    /// Root of the mean square difference, over the same pixels.
+    /// Root mean square difference, over the same pixels.
     pub rmse: f64,
     /// Number of these pixels.
     pub compared: u64,
-    /// Pixels of which one plane has a distance and the other has none.
+    /// Number of pixels with a distance in only one plane.
     pub unmatched: u64,
 }
 
 /// Differences between two planes of normals of equal size.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NormalMetrics {
-    /// Largest angle where both have a normal, degrees; 0 if that is nowhere.
+    /// Largest angle where both planes have a normal, degrees; 0 if there is no such pixel.
     pub max: f64,
-    /// Root of the mean square angle, over the same pixels.
+    /// Root mean square angle, over the same pixels.
     pub rmse: f64,
     /// Number of these pixels.
     pub compared: u64,
-    /// Pixels of which one plane has a normal and the other has none.
+    /// Number of pixels with a normal in only one plane.
     pub unmatched: u64,
 }
 
-/// Compares normals of any length; a zero is none.
+/// Compares normals of any length; a zero vector means no normal.
 ///
 /// # Errors
 /// If sizes differ, or there are no pixels.
@@ -135,7 +135,7 @@ pub fn compare_normals(a: &Plane<[f32; 3]>, b: &Plane<[f32; 3]>) -> Result<Norma
         let [x, y] = [x, y].map(|n| DVec3::from(n.map(f64::from)));
         match (x != DVec3::ZERO, y != DVec3::ZERO) {
             (true, true) => {
-                // Precise at small angles, as the arc cosine is not.
+                // Precise at small angles, unlike the arc cosine.
                 let angle = x.cross(y).length().atan2(x.dot(y)).to_degrees();
                 metrics.max = metrics.max.max(angle);
                 squares += angle * angle;
@@ -149,16 +149,16 @@ pub fn compare_normals(a: &Plane<[f32; 3]>, b: &Plane<[f32; 3]>) -> Result<Norma
     Ok(metrics)
 }
 
-/// Differences between two planes of numbers of equal size.
+/// Differences between two planes of ids of equal size.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IdMetrics {
-    /// Pixels whose numbers differ.
+    /// Pixels whose ids differ.
     pub different: u64,
-    /// Pixels with a number in one plane at least.
+    /// Pixels with an id in at least one plane.
     pub compared: u64,
 }
 
-/// Compares numbers; 0 is none.
+/// Compares ids; 0 means none.
 ///
 /// # Errors
 /// If sizes differ, or there are no pixels.
@@ -171,7 +171,7 @@ pub fn compare_ids(a: &Plane<u32>, b: &Plane<u32>) -> Result<IdMetrics, MetricsE
     Ok(metrics)
 }
 
-/// The pixels of two planes side by side.
+/// Pairs of the pixels of two planes.
 fn pairs<P: Copy>(a: &Plane<P>, b: &Plane<P>) -> Result<impl Iterator<Item = (P, P)>, MetricsError> {
     if (a.width, a.height) != (b.width, b.height) {
         return Err(MetricsError::DifferentSizes((a.width, a.height), (b.width, b.height)));
@@ -182,7 +182,7 @@ fn pairs<P: Copy>(a: &Plane<P>, b: &Plane<P>) -> Result<impl Iterator<Item = (P,
     Ok(a.pixels.iter().copied().zip(b.pixels.iter().copied()))
 }
 
-/// Compares distances; a value that is not finite is none.
+/// Compares distances; a non-finite value means none.
 ///
 /// # Errors
 /// If sizes differ, or there are no pixels.
@@ -203,13 +203,13 @@ pub fn compare_depth(a: &DepthImage, b: &DepthImage) -> Result<DepthMetrics, Met
     Ok(metrics)
 }
 
-/// Luma of display-referred RGB (Rec. 601), as the SSIM paper's programs take it.
+/// Luma of display-referred RGB (Rec. 601), as in the SSIM paper's programs.
 fn luminance(pixels: &[[f32; 3]], image: &RgbaImage) -> Plane<f64> {
     let luma = |&[r, g, b]: &[f32; 3]| 0.299 * f64::from(r) + 0.587 * f64::from(g) + 0.114 * f64::from(b);
     Plane { width: image.width, height: image.height, pixels: pixels.iter().map(luma).collect() }
 }
 
-/// Half the width of SSIM's window.
+/// Radius of SSIM's window.
 const WINDOW_RADIUS: usize = 5;
 /// Standard deviation of SSIM's window, pixels.
 const WINDOW_DEVIATION: f64 = 1.5;

@@ -33,7 +33,7 @@ fn changed(image: &RgbaImage, change: impl Fn(usize, usize, [f32; 4]) -> [f32; 4
     copy
 }
 
-/// The pairs whose numbers are in [`MEASURED`], in that order.
+/// The pairs measured in [`MEASURED`], in that order.
 fn pairs(width: usize, height: usize) -> [(RgbaImage, RgbaImage); 4] {
     let (a, s) = (busy(width, height), smooth(width, height));
     let shifted = changed(&a, |i, j, _| a.pixels[j * width + (i + width - 1) % width]);
@@ -70,7 +70,7 @@ fn flip_and_ssim_equal_the_published_implementations() {
             // Both in f64 on the same f32 images: measured distance 1e-15; the window's tail beyond 5 pixels is 1e-3.
             assert!((metrics.ssim - ssim).abs() < 1e-14, "{width} x {height} pair {pair}: {} not {ssim}", metrics.ssim);
         }
-        // An image that is a hundredth darker is noticed.
+        // A one per cent darker image is detected.
         let darker = changed(b, |_, _, [r, g, b, a]| [0.99 * r, 0.99 * g, 0.99 * b, a]);
         let other = compare(a, &darker, [0.0; 3]).unwrap();
         assert!((other.flip - flip).abs() > 2e-6, "{width} x {height} pair {pair}: {} and {flip}", other.flip);
@@ -84,7 +84,7 @@ fn equal_images_have_no_difference() {
         let a = image(width, height, |i, j| [(i % 2) as f32, 0.5, (j % 3) as f32 / 2.0]);
         let metrics = compare(&a, &a, [1.0; 3]).unwrap();
         assert_eq!((metrics.max, metrics.rmse, metrics.psnr, metrics.flip), (0.0, 0.0, f64::INFINITY, 0.0));
-        // Variances are differences of equal sums here, and cancel to rounding. Measured: to none.
+        // Variances are differences of equal sums here, and cancel up to rounding. Measured: exactly.
         assert!((metrics.ssim - 1.0).abs() < 1e-14, "{width} x {height}: {}", metrics.ssim);
     }
 }

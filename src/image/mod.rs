@@ -30,7 +30,7 @@ use std::path::Path;
 /// The first bytes of every EXR.
 const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
-/// Reads a PNG or an EXR, as its first bytes say: accumulators, and the other planes where the file has them.
+/// Reads a PNG or an EXR, recognised by its first bytes: accumulators, and other planes if the file has them.
 ///
 /// # Errors
 /// As [`read_png`] and [`read_exr`].
@@ -47,7 +47,7 @@ pub fn read_image(path: &Path) -> FileResult<Planes> {
 /// A plane of raw accumulators: premultiplied, display-referred RGB and opacity per pixel, no background.
 pub type RgbaImage = Plane<[f32; 4]>;
 
-/// A plane of distances, world units; infinite where there is nothing.
+/// A plane of distances, world units; infinite without a surface.
 pub type DepthImage = Plane<f32>;
 
 impl RgbaImage {

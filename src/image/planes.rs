@@ -1,8 +1,8 @@
-//! The planes of an image, and the one list of them.
+//! The planes of an image.
 
 use super::{DepthImage, RgbaImage};
 
-/// One value a pixel.
+/// A plane of one value per pixel.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plane<P> {
     /// Pixels per row.
@@ -14,7 +14,7 @@ pub struct Plane<P> {
 }
 
 impl<P: Clone> Plane<P> {
-    /// Makes all pixels `value`, in the memory that there is.
+    /// Sets all pixels to `value`, in its own memory.
     fn fill(&mut self, width: usize, height: usize, value: P) {
         (self.width, self.height) = (width, height);
         self.pixels.clear();
@@ -22,36 +22,35 @@ impl<P: Clone> Plane<P> {
     }
 }
 
-/// What is known of each pixel of an image. Each plane has its own size; one that nobody has made is without pixels.
+/// All planes of an image. Each has its own size; one that was not made has no pixels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Planes {
     /// Raw accumulators.
     pub color: RgbaImage,
-    /// Where each ray first meets something visible: the near end of the first piece of it with extinction. World units
-    /// along the viewing direction from the eye (parallel projection: from the camera's position, perhaps negative);
-    /// infinite where there is nothing.
+    /// Depth of the first visible point of each ray: the near end of the first segment with extinction. World units along the viewing
+    /// direction from the eye (parallel projection: from the camera's position, may be negative); infinite if the ray meets nothing.
     pub depth: DepthImage,
-    /// Normal of the nearest surface, world coordinates, of length 1 and towards the eye; zero where there is none.
+    /// Normal of the nearest surface, world coordinates, unit length, towards the eye; zero without a surface.
     pub normal: Plane<[f32; 3]>,
-    /// Which surface that is: its place in the request counted from 1, isosurfaces first, then sections; 0 where there is none.
+    /// Id of that surface: its index in the request counted from 1, isosurfaces first, then sections; 0 without a surface.
     pub id: Plane<u32>,
 }
 
-/// A plane as samples, whatever its pixels are.
+/// A plane as samples, of any pixel type.
 #[derive(Clone, Copy, Debug)]
 pub struct PlaneSamples<'a> {
-    /// What the plane is called.
+    /// Name of the plane.
     pub name: &'static str,
-    /// Samples of a pixel.
+    /// Samples per pixel.
     pub channels: usize,
     /// Width and height in pixels.
     pub size_px: (usize, usize),
-    /// Channels of one pixel after the other, top row first; integers as the bits of an f32.
+    /// Interleaved channels, top row first; integers as the bits of an f32.
     pub samples: &'a [f32],
 }
 
 impl Planes {
-    /// All planes, for whatever treats them alike.
+    /// All planes, for code that treats them alike.
     pub fn list(&self) -> [PlaneSamples<'_>; 4] {
         fn listed<'a, P>(name: &'static str, plane: &Plane<P>, samples: &'a [f32]) -> PlaneSamples<'a> {
             let channels = size_of::<P>() / size_of::<f32>();
@@ -66,7 +65,7 @@ impl Planes {
         ]
     }
 
-    /// Makes all pixels of colour and depth those of a ray that meets nothing, in the memory that there is; the other planes have none.
+    /// Sets colour and depth to a ray that meets nothing, in their own memory; the other planes become empty.
     pub fn clear(&mut self, width: usize, height: usize) {
         let Self { color, depth, normal, id } = self;
         normal.fill(0, 0, [0.0; 3]);

@@ -1,4 +1,4 @@
-//! PNG files, display-referred values as they are.
+//! PNG files of display-referred values.
 
 use super::{RgbaImage, over};
 use crate::error::{FileError, FileResult};
@@ -29,16 +29,16 @@ impl FromStr for PngDepth {
     }
 }
 
-/// Writes an image: with straight alpha, or opaque over `background` where one is given. The file appears whole or not at
-/// all. Colours are clamped to 0..=1.
+/// Writes an image: with straight alpha, or opaque over `background` if given. The file is written whole or not at all. Colours are clamped
+/// to 0..=1.
 ///
 /// # Errors
-/// If the image has no pixels or one that is not finite, or the folder does not take the file.
+/// If the image has no pixels or one that is not finite, or the file cannot be written.
 pub fn write_png(path: &Path, image: &RgbaImage, background: Option<[f32; 3]>, depth: PngDepth) -> FileResult<()> {
     write_png_with_texts(path, image, background, depth, &[])
 }
 
-/// As [`write_png`], with `texts` beside the image: keywords and what they say (tEXt chunks, Latin-1).
+/// Like [`write_png`], with `texts`: keywords and values (tEXt chunks, Latin-1).
 ///
 /// # Errors
 /// As [`write_png`], or if a keyword or a text cannot be stored.
@@ -82,7 +82,7 @@ pub fn write_png_with_texts(
     })
 }
 
-/// The numbers of an image as a PNG has them.
+/// The samples of an image in PNG's byte order.
 fn samples(image: &RgbaImage, background: Option<[f32; 3]>, depth: PngDepth) -> Vec<u8> {
     let (channels, size) = (if background.is_some() { 3 } else { 4 }, if depth == PngDepth::Eight { 1 } else { 2 });
     let mut bytes = Vec::with_capacity(image.pixels.len() * channels * size);
@@ -99,7 +99,7 @@ fn samples(image: &RgbaImage, background: Option<[f32; 3]>, depth: PngDepth) -> 
     bytes
 }
 
-/// A pixel with straight instead of premultiplied alpha, clamped to 0..=1; transparent black where it is transparent.
+/// A pixel with straight instead of premultiplied alpha, clamped to 0..=1; transparent black for alpha 0.
 fn straight(&[r, g, b, a]: &[f32; 4]) -> [f32; 4] {
     if a <= 0.0 {
         return [0.0; 4];
@@ -107,14 +107,14 @@ fn straight(&[r, g, b, a]: &[f32; 4]) -> [f32; 4] {
     [r / a, g / a, b / a, a].map(|c| c.clamp(0.0, 1.0))
 }
 
-/// No deflate stream is longer than this times its compressed size (one bit per code for 258 bytes, and block headers),
-/// and no PNG has more than eight pixels a byte: a header that promises more than this per byte of the file lies.
+/// Maximum pixels per byte: deflate expands at most 1032 times (one bit per code for 258 bytes, and block headers), and a byte holds at
+/// most eight pixels. A header that claims more is damaged.
 const MOST_PIXELS_PER_BYTE: u64 = 1032 * 8;
 
-/// Reads a PNG to its end and returns the text that it has under `keyword`, if any.
+/// Reads a PNG to its end and returns its text under `keyword`, if any.
 ///
 /// # Errors
-/// If the file cannot be opened, is no PNG, or is damaged or cut anywhere.
+/// If the file cannot be opened, is no PNG, or is damaged or truncated.
 pub fn read_png_text(path: &Path, keyword: &str) -> FileResult<Option<String>> {
     let mut reader = open(path)?;
     let mut bytes = vec![0; buffer_size(path, &reader)?];
@@ -135,7 +135,7 @@ fn unreadable(path: &Path, error: png::DecodingError) -> FileError {
     }
 }
 
-/// Reads the header, which must not promise more pixels than the file can hold.
+/// Reads the header, which must not claim more pixels than the file can hold.
 fn open(path: &Path) -> FileResult<PngReader> {
     let file = std::fs::File::open(path).map_err(|e| FileError::io(path, "open", &e))?;
     let file_bytes = file.metadata().map_err(|e| FileError::io(path, "open", &e))?.len();
@@ -204,7 +204,7 @@ mod tests {
         encoder.write_header().unwrap().write_image_data(data).unwrap();
     }
 
-    /// Premultiplied values that are exact in 8-bit straight alpha.
+    /// Premultiplied values that 8-bit straight alpha represents exactly.
     fn image() -> RgbaImage {
         let pixel = |r: f32, a: f32| [r * a, 0.2 * a, a, a];
         RgbaImage { width: 2, height: 2, pixels: vec![pixel(1.0, 1.0), pixel(0.4, 0.6), pixel(0.0, 0.2), [0.0; 4]] }

@@ -1,9 +1,9 @@
-//! Contact sheets: many frames on one page; and what two images differ in, made visible.
+//! Contact sheets of many frames, and amplified difference images.
 
 use super::{MetricsError, RgbaImage};
 
 /// Frames in rows of `columns`, top left first, with `gap` pixels between and around them, over an opaque `background`.
-/// Frames of different sizes sit in the middle of cells of the largest width and height. Without frames the sheet is empty.
+/// Frames of different sizes are centred in cells of the largest width and height. Without frames the sheet is empty.
 pub fn contact_sheet(frames: &[RgbaImage], columns: usize, gap: usize, background: [f32; 3]) -> RgbaImage {
     let cell_width = frames.iter().map(|f| f.width).max().unwrap_or(0);
     let cell_height = frames.iter().map(|f| f.height).max().unwrap_or(0);
@@ -28,8 +28,8 @@ pub fn contact_sheet(frames: &[RgbaImage], columns: usize, gap: usize, backgroun
     sheet
 }
 
-/// Absolute differences of two images over a `background`, times `factor`, clamped to 1: opaque, black where they are equal.
-/// Without a factor it is the largest power of ten that clamps nothing (1 for equal images). Returns the factor too.
+/// Absolute differences of two images over a `background`, times `factor`, clamped to 1: opaque, black for equal pixels. The default factor
+/// is the largest power of ten that clamps nothing (1 for equal images). Returns the factor too.
 ///
 /// # Errors
 /// If sizes differ or there are no pixels.

@@ -1,10 +1,10 @@
-//! The transfer curve of sRGB (IEC 61966-2-1), continued beyond 0..=1: above 1 by the same power, below 0 as an odd
-//! function, as scRGB has it (IEC 61966-2-2).
+//! The transfer curve of sRGB (IEC 61966-2-1), continued beyond 0..=1: above 1 by the same power, below 0 as an odd function, as in scRGB
+//! (IEC 61966-2-2).
 
-/// The display-referred value below which the curve is a line.
+/// The display-referred value below which the curve is linear.
 const LINE_END_SRGB: f64 = 0.04045;
-/// Where the line ends in linear light. The published curve has a gap here (a line that ends at 0.0031308050 and a power
-/// that starts at 0.0031308072); with a bound inside the gap, each value comes back by the piece that it went by.
+/// End of the linear segment in linear light. The published curve has a gap here (a line that ends at 0.0031308050 and a power that starts
+/// at 0.0031308072); a bound inside the gap makes each value return by the segment that it came by.
 const LINE_END_LINEAR: f64 = 0.003_130_806;
 
 /// Linear light of a display-referred value.

@@ -1,5 +1,5 @@
-//! Static Gaussians that fade linearly to zero, as the SPX and Blunt Fin series of Callahan's dissertation (6.3.1) fade
-//! their scalars; in a box with a round cavity and a missing corner, so that the mesh is not convex.
+//! Static Gaussians that fade linearly to zero, like the scalars of the SPX and Blunt Fin series in Callahan's dissertation (6.3.1), in a
+//! box with a round cavity and a missing corner, so that the mesh is not convex.
 
 use super::kuhn::Domain;
 use super::{Model, point_field};
@@ -12,7 +12,7 @@ use std::f64::consts::PI;
 const CAVITY: (DVec3, f64) = (DVec3::new(-0.25, -0.25, -0.2), 0.45);
 /// Number of Gaussians.
 const BUMPS: usize = 24;
-/// Time at which nothing is left, in seconds.
+/// Time at which the field reaches zero, in seconds.
 pub const DURATION: f64 = 12.8;
 
 /// One Gaussian: `height * exp(-|p - centre|^2 / (2 sigma^2))`.
@@ -61,7 +61,7 @@ impl Model for Decay {
         vec![point_field("density", 1)]
     }
 
-    /// Sampled more densely at first, as one samples a decay.
+    /// Steps are denser at first, as usual for a decay.
     fn time(&self, part: f64) -> f64 {
         DURATION * part.powf(1.5)
     }

@@ -1,5 +1,5 @@
-//! The potential of a rotating dipole in an ellipsoid the size of a torso, as the Torso series of Callahan's dissertation
-//! (6.3.1): 360 steps of one turn, two modes in time, of zero mean at every vertex.
+//! The potential of a rotating dipole in an ellipsoid the size of a torso, like the Torso series of Callahan's dissertation (6.3.1): 360
+//! steps of one turn, two modes in time, of zero mean at every vertex.
 
 use super::kuhn::Domain;
 use super::{Model, point_field};
@@ -9,9 +9,9 @@ use std::f64::consts::{PI, TAU};
 
 /// Half axes of the ellipsoid in metres: wide, deep, high.
 const HALF_AXES: DVec3 = DVec3::new(0.18, 0.12, 0.28);
-/// Where the dipole is, in metres.
+/// Position of the dipole in metres.
 const SOURCE: DVec3 = DVec3::new(0.03, 0.02, 0.06);
-/// Distance within which the potential is smoothed, in metres: half the distance between the poles of a real source.
+/// Radius within which the potential is smoothed, in metres: half the distance between the poles of a real source.
 const CORE: f64 = 0.015;
 /// Strength in millivolt square metres.
 const MOMENT: f64 = 0.01;
@@ -43,7 +43,7 @@ impl Model for Dipole {
         vec![point_field("potential", 1)]
     }
 
-    /// A turn without its end, which is its beginning: see [`Model::is_periodic`].
+    /// Excludes the end of the turn, which equals its beginning: see [`Model::is_periodic`].
     fn time(&self, part: f64) -> f64 {
         PERIOD * part
     }

@@ -1,7 +1,7 @@
-//! The scalars of a mesh that somebody else made, fading linearly to zero; on that mesh or on a finer one.
+//! The scalars of a given mesh, fading linearly to zero, on that mesh or a refinement of it.
 //!
-//! So the dissertation of Callahan (6.3.1) made its SPX1, SPX2 and Blunt series from static meshes: SPX1 and SPX2 are the
-//! SPX mesh split once and twice, every cell into eight.
+//! The dissertation of Callahan (6.3.1) made its SPX1, SPX2 and Blunt series from static meshes this way: SPX1 and SPX2 are the SPX mesh
+//! split once and twice, every cell into eight.
 
 use super::{MAX_CELLS, MAX_STEPS, SynthError};
 use crate::error::{FileError, FileResult};
@@ -9,7 +9,7 @@ use crate::field::{Association, Component, FieldInfo, SeriesSource, TimeAxis};
 use crate::mesh::RawMesh;
 use rayon::prelude::*;
 
-/// A scalar per point that fades: at step i of n it is 1 - i / (n - 1) of itself. Times are 0, 1, 2, ...
+/// A scalar per point that fades: at step i of n its value is multiplied by 1 - i / (n - 1). Times are 0, 1, 2, ...
 #[derive(Debug)]
 pub struct FadedSeries {
     description: String,
@@ -21,7 +21,7 @@ pub struct FadedSeries {
 
 impl FadedSeries {
     /// The series of `values`, one for each point of `mesh`, named `field`, after `splits` splits of every cell into
-    /// eight. `description` says where they are from.
+    /// eight. `description` names their source.
     ///
     /// # Errors
     /// If the steps or the cells are too many to generate.
@@ -98,26 +98,25 @@ fn has_inside(tet: &[u32; 4]) -> bool {
     EDGES.iter().all(|&[a, b]| tet[a] != tet[b])
 }
 
-/// Corners of a cell whose middles are points of the octahedron that remains when the four corners are cut off.
+/// Corners of the edges whose midpoints form the octahedron that remains when the four corners are cut off.
 const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
-/// The cells at the corners: `Ok` is a corner, `Err` the middle of an edge.
+/// The cells at the corners: `Ok` is a corner, `Err` the midpoint of an edge.
 const CORNERS: [[Result<usize, usize>; 4]; 4] = [
     [Ok(0), Err(0), Err(1), Err(2)],
     [Err(0), Ok(1), Err(3), Err(4)],
     [Err(1), Err(3), Ok(2), Err(5)],
     [Err(2), Err(4), Err(5), Ok(3)],
 ];
-/// Each diagonal of the octahedron with the ring of middles around it, in the order that keeps the cell's orientation.
+/// Each diagonal of the octahedron with the ring of midpoints around it, in the order that keeps the cell's orientation.
 const DIAGONALS: [([usize; 2], [usize; 4]); 3] =
     [([0, 5], [1, 2, 4, 3]), ([1, 4], [0, 3, 5, 2]), ([2, 3], [0, 1, 5, 4])];
 
-/// Splits every cell into eight of its orientation at the middles of its edges; values there are the mean of the ends.
-/// The octahedron in the middle is cut along its shortest diagonal, which keeps the cells round (as Bey, "Tetrahedral
-/// grid refinement", 1995, has it for the first of several splits). Middles are numbered behind the old points, in the
-/// order of their ends.
+/// Splits every cell into eight of its orientation at its edge midpoints, whose values are the mean of the ends. The inner octahedron is
+/// cut along its shortest diagonal, which keeps the cells well shaped (as in the first of several splits of Bey, "Tetrahedral grid
+/// refinement", 1995). Midpoints are numbered after the old points, in the order of their ends.
 ///
-/// A cell that names a vertex twice, as one of the SPX mesh does, becomes eight of itself: no import keeps it, but of its
-/// parts some would come out of the rounding with a volume.
+/// A cell that names a vertex twice, as one of the SPX mesh does, becomes eight copies of itself: no import keeps it, but rounding could
+/// give some of its parts a volume.
 pub(super) fn split(mesh: &RawMesh, values: &[f32]) -> (RawMesh, Vec<f32>) {
     let key = |tet: &[u32; 4], [a, b]: [usize; 2]| (tet[a].min(tet[b]), tet[a].max(tet[b]));
     let mut edges: Vec<(u32, u32)> = mesh
@@ -135,7 +134,7 @@ pub(super) fn split(mesh: &RawMesh, values: &[f32]) -> (RawMesh, Vec<f32>) {
     let mean =
         |&(a, b): &(u32, u32)| (0.5 * f64::from(values[a as usize]) + 0.5 * f64::from(values[b as usize])) as f32;
     let values = values.iter().copied().chain(edges.iter().map(mean)).collect();
-    // Every edge of a cell with an inside is there, and fewer than 6 MAX_CELLS < 2^32 of them.
+    // Contains every edge of a cell with four different vertices, fewer than 6 MAX_CELLS < 2^32 in all.
     let middle = |tet: &[u32; 4], edge| (first + edges.binary_search(&key(tet, edge)).unwrap_or_default()) as u32;
     let eight = |tet: &[u32; 4]| {
         if !has_inside(tet) {

@@ -1,4 +1,4 @@
-//! Splitting against a slow oracle and against what any conforming refinement has.
+//! Splitting against a slow oracle and against properties of any conforming refinement.
 
 use super::faded::{FadedSeries, split};
 use super::{SeriesName, SynthSpec, generate};
@@ -7,7 +7,7 @@ use crate::mesh::RawMesh;
 use glam::DVec3;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Six times the volume of each cell, with its sign.
+/// Six times the signed volume of each cell.
 fn volumes(mesh: &RawMesh) -> Vec<f64> {
     mesh.cells.tets.iter().map(|tet| volume(tet.map(|v| mesh.points[v as usize]))).collect()
 }
@@ -46,7 +46,7 @@ fn neighbours_share_the_middles_of_their_edges() {
     let (twice, _) = split(&once, &values);
     assert_eq!(twice.cells.tets.len(), 128);
     let (built, report) = crate::mesh::Mesh::build(twice).expect("a mesh");
-    // Two parts would mean that the common face was split in two ways.
+    // Two parts would mean that the common face was split differently on its sides.
     assert_eq!((report.parts, report.non_manifold_faces, built.topology.tets.len()), (1, 0, 128));
     assert_eq!(report.boundary_faces, 6 * 16);
 }
@@ -65,7 +65,7 @@ fn scalars_fade_to_zero_in_equal_steps() {
     assert!(FadedSeries::new("a", "s", mesh, vec![0.0; 4], 0, 0).is_err());
 }
 
-/// A mesh of jittered cells, as a file has it, with a scalar per point.
+/// A mesh of jittered cells, as in a file, with a scalar per point.
 fn jittered() -> (RawMesh, Vec<f32>) {
     let spec = SynthSpec { cells: 600, steps: 2, ..SynthSpec::new(SeriesName::Decay) };
     let series = generate(&spec).expect("a series");
@@ -74,7 +74,7 @@ fn jittered() -> (RawMesh, Vec<f32>) {
     (series.mesh().expect("a mesh"), values)
 }
 
-/// How many cells each face has.
+/// Number of cells of each face.
 fn faces(mesh: &RawMesh) -> BTreeMap<[u32; 3], usize> {
     let mut faces = BTreeMap::new();
     for tet in &mesh.cells.tets {
@@ -122,7 +122,7 @@ fn split_meshes_conform_and_keep_volume_orientation_and_surface() {
     let (coarse_faces, fine_faces) = (faces(&mesh), faces(&fine));
     assert!(fine_faces.values().all(|&cells| cells <= 2), "a face of three cells");
     let count = |faces: &BTreeMap<[u32; 3], usize>| faces.values().filter(|&&cells| cells == 1).count();
-    // Each face in four, and eight more inside of each cell: a face that neighbours cut in two ways would count twice.
+    // Each face becomes four, and each cell gets eight inner faces; a face that neighbours cut differently would count twice.
     assert_eq!(fine_faces.len(), 4 * coarse_faces.len() + 8 * mesh.cells.tets.len());
     assert_eq!(count(&fine_faces), 4 * count(&coarse_faces));
     let (before, after) = (boundary_area(&mesh), boundary_area(&fine));
@@ -137,8 +137,8 @@ fn pairs(tet: &[u32; 4]) -> [(u32, u32); 6] {
     [(a, b), (a, c), (a, d), (b, c), (b, d), (c, d)]
 }
 
-/// The eight cells of each cell, as sorted corner places: the points themselves instead of numbers, the octahedron cut by
-/// trying all diagonals and all pairs of other middles that lie on one face of it.
+/// Oracle: the eight cells of each cell, as sorted corner positions instead of numbers; the octahedron is cut by trying all diagonals and
+/// all pairs of other midpoints on a common face.
 fn naive_split(mesh: &RawMesh) -> Vec<BTreeSet<[[u64; 3]; 4]>> {
     let bits = |mut cell: [DVec3; 4]| {
         cell.sort_by(|a, b| a.to_array().partial_cmp(&b.to_array()).expect("finite"));
@@ -149,7 +149,7 @@ fn naive_split(mesh: &RawMesh) -> Vec<BTreeSet<[[u64; 3]; 4]>> {
         let middle = |i: usize, j: usize| 0.5 * corner[i] + 0.5 * corner[j];
         let mut cells: BTreeSet<_> =
             (0..4).map(|i| bits([0, 1, 2, 3].map(|j| if i == j { corner[i] } else { middle(i, j) }))).collect();
-        // A diagonal joins the middles of two edges without a common corner.
+        // A diagonal joins the midpoints of two edges without a common corner.
         let diagonals = [[(0, 1), (2, 3)], [(0, 2), (1, 3)], [(0, 3), (1, 2)]];
         let length = |[(a, b), (c, d)]: [(usize, usize); 2]| middle(a, b).distance_squared(middle(c, d));
         let shortest = diagonals.into_iter().min_by(|a, b| length(*a).total_cmp(&length(*b))).expect("three");
@@ -189,7 +189,7 @@ fn every_cell_is_split_as_the_slow_oracle_splits_it() {
     moved[mesh.points.len()].x += 1e-9;
     assert!(!agree(&moved), "the comparison sees nothing");
 
-    // The scalar of a middle is the mean of the ends, found by place.
+    // The scalar of a midpoint, found by position, is the mean of its ends.
     let by_place: BTreeMap<[u64; 3], f32> =
         fine.points.iter().map(|p| p.to_array().map(f64::to_bits)).zip(fine_values).collect();
     for (a, b) in mesh.cells.tets.iter().flat_map(pairs) {

@@ -1,13 +1,13 @@
 //! A starting turbulent jet: dye that enters calm surroundings through a round nozzle, rolls up into rings, breaks into
 //! eddies and ends in a sharp front with a mushroom head, which crosses the domain and leaves it.
 //!
-//! Nothing is solved. Every value is looked up backwards through three displacements, each a smooth function of place and
-//! time, from a plain round jet with a front:
+//! The flow is not solved. Every value is traced back through three displacements, each a smooth function of position and time, to a plain
+//! round jet with a front:
 //!
-//! 1. **eddies**: gradient noise of three scales, each carried along at its own speed, growing with the jet's width,
-//! 2. **rings**: vortices of the shear layer, shed at intervals and carried along; each turns its surroundings in the
-//!    (x, r) half-plane by an angle that grows with its age, which rolls the dye's edge up,
-//! 3. **head**: the starting vortex behind the front, likewise.
+//! 1. **eddies**: gradient noise of three scales, each advected at its own speed, growing with the jet's width,
+//! 2. **rings**: vortices of the shear layer, shed at intervals and advected; each turns its surroundings in the
+//!    (x, r) half-plane by an angle that grows with its age, which rolls up the dye's edge,
+//! 3. **head**: the starting vortex behind the front, in the same way.
 //!
 //! Dye is exactly 0 away from the jet.
 
@@ -21,7 +21,7 @@ use glam::{DVec2, DVec3, Vec3Swizzles as _};
 /// Length and half width of the domain in nozzle diameters; the jet runs along x.
 const LENGTH: f64 = 8.0;
 const HALF_WIDTH: f64 = 2.0;
-/// Time at the last step, in nozzle diameters over carrying speed; the front leaves the domain at three quarters of it.
+/// Time at the last step, in nozzle diameters over advection speed; the front leaves the domain at three quarters of it.
 const DURATION: f64 = 24.0;
 /// Seconds between two rings.
 const SHEDDING: f64 = 1.1;
@@ -45,7 +45,7 @@ pub struct Jet {
     seed: u64,
 }
 
-/// One vortex ring at a moment.
+/// One vortex ring at one time.
 #[derive(Clone, Copy, Debug)]
 struct Ring {
     /// Core in the (x, r) half-plane.
@@ -63,7 +63,7 @@ fn half_width(x: f64) -> f64 {
     0.45 + 0.085 * x.max(0.0)
 }
 
-/// Where the front is.
+/// Position of the front along x.
 fn front(time: f64) -> f64 {
     4.0 * ((1.0 + 0.47 * time).sqrt() - 1.0)
 }
@@ -75,14 +75,14 @@ fn smooth_step(lo: f64, hi: f64, x: f64) -> f64 {
 }
 
 impl Ring {
-    /// Offset from the core in the (x, r) half-plane, and the share of the core's turn that is felt there.
+    /// Offset from the core in the (x, r) half-plane, and the share of the core's turn there.
     fn offset(&self, p: DVec3) -> (DVec2, f64) {
         let lean = self.tilt.dot(p.yz());
         let d = DVec2::new(p.x - lean, p.yz().length()) - self.core;
         (d, (-d.length_squared() / (self.size * self.size)).exp())
     }
 
-    /// Where the fluid at `p` was before the ring turned it.
+    /// Position of the fluid at `p` before the ring turned it.
     fn undo(&self, p: DVec3) -> DVec3 {
         let (d, share) = self.offset(p);
         let from = DVec2::from_angle(-self.turn * share).rotate(d);
@@ -94,7 +94,7 @@ impl Ring {
 }
 
 impl Jet {
-    /// The jet whose rings and eddies are those of `seed`.
+    /// The jet with the rings and eddies of `seed`.
     pub fn new(seed: u64) -> Self {
         Self { seed }
     }
@@ -136,7 +136,7 @@ impl Jet {
 
     /// Dye at `p`.
     fn dye(&self, p: DVec3, time: f64, rings: &[Ring]) -> f64 {
-        // Beyond the reach of the jet and all that displaces it, as most of the domain is.
+        // Most of the domain is beyond the reach of the jet and its displacements.
         if p.yz().length() > 2.6 * half_width(p.x) || p.x > front(time) + 1.5 {
             return 0.0;
         }
@@ -156,7 +156,7 @@ impl Jet {
         0.85 * edge * behind * mixed * unmixed * (1.0 - 0.25 * rho.min(1.0).powi(2))
     }
 
-    /// Velocity at `p`: the mean jet, the rings' turning, the eddies.
+    /// Velocity at `p`: the mean jet, the rotation of the rings, and the eddies.
     fn velocity(&self, p: DVec3, time: f64, rings: &[Ring]) -> DVec3 {
         let width = half_width(p.x);
         let rho2 = p.yz().length_squared() / (width * width);

@@ -1,12 +1,11 @@
-//! Jittered Kuhn grids: a box of cubes, each cut into six tets along its main diagonal, from which cells may be left out.
+//! Jittered Kuhn grids: a box of cubes, each cut into six tets along its main diagonal, possibly without some cells.
 //!
 //! All cubes are cut the same way, so faces of neighbours agree and the mesh conforms (Freudenthal 1942, Kuhn 1960).
 //!
-//! **Jitter.** Every vertex moves by at most [`JITTER`] of a cube's edge along each axis, only within the faces of the box
-//! if it lies on them, so that the box stays a box. No tet can invert: in units of the cube, the matrix of consecutive
-//! edges of a tet is a permutation of the identity plus differences of two displacements, each entry within 2 * JITTER;
-//! with 6 * JITTER < 1 its rows stay strictly diagonally dominant, so that its determinant keeps its sign. The bound is
-//! sharp: at worst 1 - 6 * JITTER of the volume is left.
+//! **Jitter.** Every vertex moves by at most [`JITTER`] of a cube's edge along each axis, vertices on the box only within its faces, so
+//! that the box stays a box. No tet can invert: in units of the cube, the matrix of consecutive edges of a tet is a permutation of the
+//! identity plus differences of two displacements, each entry within 2 * JITTER; with 6 * JITTER < 1 its rows stay strictly diagonally
+//! dominant, so that its determinant keeps its sign. The bound is sharp: the least volume is 1 - 6 * JITTER of the original.
 
 use crate::random::{hash, unit};
 use glam::DVec3;
@@ -21,13 +20,13 @@ const TETS: [[u8; 4]; 6] = [[0, 1, 3, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 1, 7, 
 /// A node of the grid that no cell uses.
 const UNUSED: u32 = u32::MAX;
 
-/// An axis-aligned box with cells left out of it.
+/// An axis-aligned box, possibly without some cells.
 pub struct Domain {
     /// Corner with the smallest coordinates.
     pub lo: DVec3,
     /// Corner with the largest coordinates.
     pub hi: DVec3,
-    /// Volume of what is kept, as a fraction of the box.
+    /// Kept volume as a fraction of the box.
     pub fraction: f64,
     /// Whether the cell with this centroid (before jitter) is kept.
     pub keep: fn(DVec3) -> bool,
@@ -39,7 +38,7 @@ impl Domain {
         Self { lo, hi, fraction: 1.0, keep: |_| true }
     }
 
-    /// Cubes along the axes for about `cells` tets: the product meets the number, the cubes are near to cubes.
+    /// Number of cubes along the axes for about `cells` tets, with nearly equal edges.
     ///
     /// Tries the four counts around the ideal one on each axis; the deviation from `cells` weighs ten times as much as
     /// the stretch of the cubes.
@@ -67,7 +66,7 @@ impl Domain {
     }
 }
 
-/// A grid whose cells and vertices have been chosen; makes its points once and its tets on request.
+/// A grid with chosen cells and vertices; computes points and tets on request.
 pub struct KuhnGrid {
     lo: DVec3,
     hi: DVec3,
@@ -124,14 +123,14 @@ impl KuhnGrid {
         self.kept.par_iter().map(|kept| u64::from(kept.count_ones())).sum()
     }
 
-    /// Coordinates of the vertices, jittered as `seed` says.
+    /// Coordinates of the vertices, jittered by `seed`.
     pub fn points(&self, seed: u64) -> Vec<DVec3> {
         let used: Vec<u32> =
             (0u32..).zip(&self.vertex_at).filter(|(_, v)| **v != UNUSED).map(|(node, _)| node).collect();
         used.into_par_iter().map(|node| self.point(seed, node as usize)).collect()
     }
 
-    /// The tets, all positively oriented, cube by cube; written in place, so that nothing but the result is held.
+    /// The tets, all positively oriented, cube by cube; written in place, without further memory.
     pub fn tets(&self) -> Vec<[u32; 4]> {
         let layer = self.cubes[0] * self.cubes[1];
         let cells = |kept: &[u8]| kept.iter().map(|k| k.count_ones() as usize).sum::<usize>();
@@ -205,7 +204,7 @@ impl KuhnGrid {
         self.world(DVec3::from_array(shifted))
     }
 
-    /// World coordinates of a place given in cubes; exact on the faces of the box.
+    /// World coordinates of a position in units of cubes; exact on the faces of the box.
     fn world(&self, at: DVec3) -> DVec3 {
         let part = at / DVec3::from_array(self.cubes.map(|n| n as f64));
         self.lo * (1.0 - part) + self.hi * part

@@ -9,10 +9,10 @@
 //! | `tornado` | box | `pressure` and `velocity` of a swaying tornado | 120 |
 //! | `slab` | box, 1 thick along z | `constant` 0.5; `linear` in z and time, with closed-form integrals | 16 |
 //!
-//! Meshes are jittered Kuhn grids; what lies outside a domain is left out cell by cell, so its outline is stepped. The
-//! number of cells is within 5 % of the one asked for from 1000 cells on, and the nearest a grid gives below.
+//! Meshes are jittered Kuhn grids; cells outside of a domain are omitted, so its outline is stepped. The number of cells is within 5 % of
+//! the requested one from 1000 cells on, and the nearest possible below.
 //!
-//! [`FadedSeries`] is a decay on a mesh from elsewhere.
+//! [`FadedSeries`] is a decay on a given mesh.
 
 mod decay;
 mod dipole;
@@ -38,7 +38,7 @@ use kuhn::{Domain, KuhnGrid};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Fewest cells of a generated series; fewer could not show the shape of its domain.
+/// Fewest cells of a generated series; fewer could not resolve the shape of its domain.
 pub const MIN_CELLS: u64 = 200;
 /// Most cells of a generated series.
 pub const MAX_CELLS: u64 = 100_000_000;
@@ -68,7 +68,7 @@ words!(
 );
 
 impl SeriesName {
-    /// Number of steps unless another one is asked for.
+    /// Default number of steps.
     pub fn default_steps(self) -> usize {
         match self {
             Self::Decay => 64,
@@ -101,16 +101,16 @@ pub enum SynthError {
     Steps(usize),
 }
 
-/// What to generate.
+/// Specification of a generated series.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SynthSpec {
     /// Which series.
     pub name: SeriesName,
-    /// About how many tets.
+    /// Approximate number of tets.
     pub cells: u64,
     /// Number of steps.
     pub steps: usize,
-    /// Seed of the jitter and of what is random in the fields.
+    /// Seed of the jitter and of random parameters of the fields.
     pub seed: u64,
 }
 
@@ -123,17 +123,17 @@ impl SynthSpec {
 
 /// One generated series: a domain, its fields, and their values anywhere at any time.
 trait Model: Sync + Send {
-    /// The box and what is left out of it.
+    /// The box with its omitted cells.
     fn domain(&self) -> Domain;
     /// The fields, all per point, with up to three components.
     fn fields(&self) -> Vec<FieldInfo>;
-    /// Time at a part of the series, from 0 to 1; strictly increasing.
+    /// Time at `part` of the series, from 0 to 1; strictly increasing.
     fn time(&self, part: f64) -> f64;
-    /// Whether part 1 is part 0 of the next turn and therefore no step of its own.
+    /// Whether part 1 equals part 0 of the next turn and is therefore not a step.
     fn is_periodic(&self) -> bool {
         false
     }
-    /// The field of this index as a function of position at one time; components that it does not have are 0.
+    /// The field of this index as a function of position at one time; missing components are 0.
     fn at(&self, field: usize, time: f64) -> Box<dyn Fn(DVec3) -> [f64; 3] + Sync + '_>;
 }
 
@@ -142,8 +142,7 @@ fn point_field(name: &str, components: usize) -> FieldInfo {
     FieldInfo { name: name.to_owned(), components, association: Association::Point }
 }
 
-/// A generated series. Holds its points and its choice of cells, about 30 bytes a vertex; tets and values are made on
-/// request.
+/// A generated series. Holds its points and choice of cells, about 30 bytes per vertex; tets and values are computed on request.
 pub struct Synth {
     spec: SynthSpec,
     model: Box<dyn Model>,
@@ -156,7 +155,7 @@ pub struct Synth {
 /// Prepares the series that `spec` describes.
 ///
 /// # Errors
-/// If the number of cells or steps is outside what can be generated.
+/// If the number of cells or steps is out of range.
 ///
 /// ```
 /// use tetreel::{field::SeriesSource as _, synth::{SeriesName, SynthSpec, generate}};
@@ -187,12 +186,12 @@ pub fn generate(spec: &SynthSpec) -> Result<Synth, SynthError> {
 }
 
 impl Synth {
-    /// Number of tets that [`SeriesSource::mesh`] makes.
+    /// Number of tets in [`SeriesSource::mesh`].
     pub fn cell_count(&self) -> u64 {
         self.grid.cell_count()
     }
 
-    /// Number of points that [`SeriesSource::mesh`] makes.
+    /// Number of points in [`SeriesSource::mesh`].
     pub fn vertex_count(&self) -> usize {
         self.points.len()
     }

@@ -1,5 +1,5 @@
-//! Gradient noise (Perlin: *Improving noise*, SIGGRAPH 2002) with three independent values for the price of one hash a
-//! lattice corner, on an unbounded lattice and with any seed.
+//! Gradient noise (Perlin: *Improving noise*, SIGGRAPH 2002) with three independent values from one hash per lattice corner, on an
+//! unbounded lattice and with any seed.
 
 use crate::random::hash;
 use glam::{DVec3, I64Vec3};
@@ -23,7 +23,7 @@ pub fn vector_noise(seed: u64, p: DVec3) -> DVec3 {
     sum
 }
 
-/// The three linear functions that belong to one lattice corner, at offset `d` from it.
+/// The three linear functions of one lattice corner, at offset `d` from it.
 fn corner_values(seed: u64, corner: I64Vec3, d: DVec3) -> DVec3 {
     let index = (corner.x as u64).wrapping_mul(SPREAD[0])
         ^ (corner.y as u64).wrapping_mul(SPREAD[1])

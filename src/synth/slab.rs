@@ -5,7 +5,7 @@ use super::{Model, point_field};
 use crate::field::FieldInfo;
 use glam::DVec3;
 
-/// Half the size of the slab along x and y, where it only has to be wide enough to look through.
+/// Half the size of the slab along x and y; only has to exceed the view.
 pub const HALF_WIDTH: f64 = 1.0;
 /// Thickness of the slab, along z; centred on the origin.
 pub const THICKNESS: f64 = 1.0;
@@ -14,8 +14,8 @@ pub const CONSTANT: f64 = 0.5;
 
 /// Value of the field `linear`: the depth below the upper face as a fraction of the thickness, times 1 + t.
 ///
-/// A ray through the whole slab at angle a to the z axis collects `THICKNESS * (1 + t) / (2 cos a)` of it, and sees it
-/// rise evenly from 0 to 1 + t if it comes from above.
+/// A ray through the whole slab at angle a to the z axis has the integral `THICKNESS * (1 + t) / (2 cos a)`, and from above the value rises
+/// linearly from 0 to 1 + t.
 pub fn linear(z: f64, time: f64) -> f64 {
     (0.5 - z / THICKNESS) * (1.0 + time)
 }

@@ -1,4 +1,4 @@
-//! Meshes are valid, counts are met, values are those of the formulas, bits depend on the seed and nothing else.
+//! Meshes are valid, counts are met, values match the formulas, and bits depend on the seed only.
 
 use super::*;
 use crate::random::SplitMix64;
@@ -19,7 +19,7 @@ fn volume6(points: &[DVec3], tet: &[u32; 4]) -> f64 {
     (b - a).dot((c - a).cross(d - a))
 }
 
-/// How many cells have each face (ascending vertices).
+/// Number of cells of each face (ascending vertices).
 fn cells_by_face(mesh: &RawMesh) -> HashMap<[u32; 3], usize> {
     let mut cells = HashMap::new();
     for tet in &mesh.cells.tets {

@@ -1,8 +1,8 @@
-//! A wandering tornado, in the manner of the procedural one that R. Crawfis and N. Max drew their textured splats with
-//! (Visualization 1993): a funnel about a core line that sways with time and height.
+//! A wandering tornado, similar to the procedural one of R. Crawfis and N. Max for their textured splats (Visualization 1993): a funnel
+//! about a core line that sways with time and height.
 //!
-//! The swirl is a Kaufmann (Scully) vortex in every horizontal plane, so that the pressure that balances it has a closed
-//! form; an inflow near the ground and an updraft in the core complete it.
+//! The swirl is a Kaufmann (Scully) vortex in every horizontal plane, so that the balancing pressure has a closed form; there is also an
+//! inflow near the ground and an updraft in the core.
 
 use super::kuhn::Domain;
 use super::{Model, point_field};
@@ -22,7 +22,7 @@ const INFLOW: (f64, f64) = (0.4, 1.5);
 /// The tornado.
 pub struct Tornado;
 
-/// Where the core line is at this height.
+/// Position of the core line at this height.
 pub fn core(z: f64, time: f64) -> DVec2 {
     let h = z / SIZE;
     let sway = 0.3 + 1.2 * h;
@@ -50,7 +50,7 @@ pub fn velocity(p: DVec3, time: f64) -> DVec3 {
     let near_ground = (-p.z / layer).exp();
     let swirl = CIRCULATION / TAU / (d.length_squared() + r * r) * d.perp();
     let horizontal = swirl - rate * core_share * near_ground * d;
-    // What flows in at the ground goes up: for a straight core of constant radius the divergence is zero.
+    // The inflow at the ground goes up: for a straight core of constant radius the divergence is zero.
     let updraft = 2.0 * rate * layer * core_share * core_share * (1.0 - near_ground);
     horizontal.extend(updraft)
 }
@@ -65,7 +65,7 @@ impl Model for Tornado {
         vec![point_field("pressure", 1), point_field("velocity", 3)]
     }
 
-    /// A minute, with intervals that vary by a third as a weather model's do.
+    /// One minute, with intervals that vary by a third, as in a weather model.
     fn time(&self, part: f64) -> f64 {
         60.0 * (part + (TAU * 3.0 * part).sin() / (TAU * 9.0))
     }

@@ -1,4 +1,4 @@
-//! Codecs, and chunks in files.
+//! Kernels of codecs, and of chunks in files.
 
 use super::Work;
 use crate::scene::Jet;
@@ -50,7 +50,7 @@ impl ReadRange for Objects {
     }
 }
 
-/// Values of 64 steps, one after the other: a few functions of time, mixed otherwise at each vertex, and a little noise.
+/// Values of 64 steps, one after the other: some functions of time, mixed differently at each vertex, and a little noise.
 pub fn series(vertices: usize) -> Vec<f32> {
     const FUNCTIONS: usize = 5;
     let mut random = SplitMix64::new(7);
@@ -67,7 +67,7 @@ pub fn series(vertices: usize) -> Vec<f32> {
     values
 }
 
-/// A block of codec `vq`.
+/// A block of codec `vq`, decoder ready.
 pub fn vq_block(vertices: usize, entries: usize) -> Result<VqDecoder, Box<dyn Error>> {
     let mut objects = Objects::default();
     let parameters = encode(&series(vertices), vertices, entries, &mut objects)?;
@@ -87,7 +87,7 @@ fn encode(
     Ok(encoder.finish(sink)?.parameters)
 }
 
-/// Any step of a block in memory.
+/// Decodes any step of a block in memory.
 pub fn decode_vq(_: &Path) -> Result<Work, Box<dyn Error>> {
     const VERTICES: usize = 4000;
     let decoder = vq_block(VERTICES, 64)?;
@@ -102,7 +102,7 @@ pub fn decode_vq(_: &Path) -> Result<Work, Box<dyn Error>> {
     }))
 }
 
-/// Steps from memory with their checksums, which are nearly all of it.
+/// Decodes steps from memory with their checksums, which dominate.
 pub fn decode_raw(_: &Path) -> Result<Work, Box<dyn Error>> {
     const VERTICES: usize = 60_000;
     const ROWS: usize = 4;
@@ -123,7 +123,7 @@ pub fn decode_raw(_: &Path) -> Result<Work, Box<dyn Error>> {
     }))
 }
 
-/// One block: training, search, means, and the errors.
+/// Encodes one block: training, search, means, and errors.
 pub fn encode_vq(_: &Path) -> Result<Work, Box<dyn Error>> {
     const VERTICES: usize = 2000;
     let values = series(VERTICES);
@@ -152,7 +152,7 @@ impl OneField {
         Ok(Self { store, field, moments: Moments::new(vertices) })
     }
 
-    /// A reader of a store whose steps are all the same.
+    /// A reader of a store whose steps are all equal.
     fn written(path: &Path, jet: &Jet, steps: usize) -> Result<FieldReader, Box<dyn Error>> {
         let mut new = Self::begin(path, jet, steps)?;
         for _ in 0..steps {
@@ -165,7 +165,7 @@ impl OneField {
     }
 }
 
-/// Chunks written to files and read from others, a step each: names, checksums and copies; what the system does is not counted.
+/// Writes chunks to files and reads others, one step each: names, checksums and copies; system calls are not counted.
 pub fn store_chunk(folder: &Path) -> Result<Work, Box<dyn Error>> {
     const STORED: usize = 8;
     let jet = Jet::new(30_000, &[8])?;

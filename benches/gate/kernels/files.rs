@@ -1,4 +1,4 @@
-//! Readers of foreign files.
+//! Kernels of readers of foreign files.
 
 use super::Work;
 use std::error::Error;
@@ -11,7 +11,7 @@ use tetreel::import;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
 
-/// Opens a series and reads its mesh and all of its values.
+/// Opens a series and reads its mesh and all values.
 fn read(path: &Path) -> Result<(), Box<dyn Error>> {
     let series = import::open(path)?;
     black_box(series.mesh()?);

@@ -1,7 +1,7 @@
-//! The kernels whose instructions are counted: each one's set-up, and the work behind it.
+//! The kernels whose instructions are counted: set-up and counted work of each.
 //!
-//! Everything runs on the main thread, since callgrind's switch is one of each thread: rayon has one thread, which is that one, and
-//! kernels use no part of the library that starts threads (`counts.rs` looks whether there were others).
+//! Everything runs on the main thread, since callgrind's switch is per thread: rayon has one thread, the main one, and kernels use no part
+//! of the library that starts threads (`counts.rs` checks for others).
 
 mod codec;
 mod files;
@@ -16,18 +16,18 @@ use std::error::Error;
 use std::hint::black_box;
 use std::path::Path;
 
-/// What is counted of a kernel.
+/// The counted work of a kernel.
 type Work = Box<dyn FnMut() -> Result<(), Box<dyn Error>>>;
 
 /// A kernel.
 pub struct Kernel {
-    /// In the baseline, and of the place that slows it down.
+    /// Name in the baseline, and of the place that slows it down.
     pub name: &'static str,
-    /// Prepares the work; the folder is empty.
+    /// Prepares the work, in an empty folder.
     set_up: fn(&Path) -> Result<Work, Box<dyn Error>>,
 }
 
-/// All of them, those that take longest first.
+/// All kernels, slowest first.
 pub const KERNELS: [Kernel; 16] = [
     Kernel { name: "lod_selection", set_up: visibility::lod_selection },
     Kernel { name: "radix_sort", set_up: visibility::radix_sort },
@@ -52,7 +52,7 @@ pub fn names() -> Vec<&'static str> {
     KERNELS.iter().map(|kernel| kernel.name).collect()
 }
 
-/// Whether the widest vectors that this processor has, as pulp finds them, are those of AVX2.
+/// Whether pulp selects AVX2 as the widest vectors on this processor.
 fn widest_is_avx2() -> bool {
     #[cfg(target_arch = "x86_64")]
     return matches!(pulp::Arch::new(), pulp::Arch::V3(_));
@@ -63,7 +63,7 @@ fn widest_is_avx2() -> bool {
 /// Runs a kernel once, under valgrind.
 ///
 /// # Errors
-/// If there is no such kernel or it fails; if the processor that valgrind shows has no AVX2.
+/// If there is no such kernel or it fails, or valgrind's processor has no AVX2.
 pub fn run(name: &str, folder: &Path) -> Verdict {
     if !widest_is_avx2() {
         return Err(Trouble(
@@ -79,11 +79,11 @@ pub fn run(name: &str, folder: &Path) -> Verdict {
     Ok(true)
 }
 
-/// The function whose instructions are counted, with all that it calls. Its name is in `counts.rs`, too. It is no generic one: nothing
-/// else has its name, and callgrind's switch is turned on and off once.
+/// The function whose instructions are counted, with its callees. Its name is also in `counts.rs`. It is not generic: its name is unique,
+/// and callgrind's switch turns on and off once.
 #[inline(never)]
 fn counted_by_callgrind(work: &mut dyn FnMut()) {
     work();
-    // The call above must come back here.
+    // Prevents a tail call.
     black_box(());
 }

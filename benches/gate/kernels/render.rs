@@ -1,4 +1,4 @@
-//! The renderers on the CPU: what [`Renderer::begin`] does and what [`Renderer::advance`] does, apart.
+//! Kernels of the CPU renderers: [`Renderer::begin`] and [`Renderer::advance`] separately.
 
 use super::Work;
 use crate::scene::{DENSE, Jet, TENTS};
@@ -12,7 +12,7 @@ use tetreel::render::cpu::raycast::Raycast;
 use tetreel::render::{RenderJob, Renderer};
 use tetreel::visibility::{CellSet, Skip};
 
-/// The tiles of a frame.
+/// Renders the tiles of a frame.
 fn tiles(mut renderer: impl Renderer + 'static, job: RenderJob) -> Result<Work, Box<dyn Error>> {
     renderer.begin(job)?;
     Ok(Box::new(move || {
@@ -21,7 +21,7 @@ fn tiles(mut renderer: impl Renderer + 'static, job: RenderJob) -> Result<Work, 
     }))
 }
 
-/// What comes before the tiles, for some jobs in turn.
+/// Prepares frames up to the tiles, for some jobs in turn.
 fn begins(mut renderer: impl Renderer + 'static, jobs: Vec<RenderJob>) -> Result<Work, Box<dyn Error>> {
     Ok(Box::new(move || {
         for job in &jobs {
@@ -31,17 +31,17 @@ fn begins(mut renderer: impl Renderer + 'static, jobs: Vec<RenderJob>) -> Result
     }))
 }
 
-/// Rays in the lanes of AVX2.
+/// The ray caster in AVX2 lanes.
 pub fn walk(_: &Path) -> Result<Work, Box<dyn Error>> {
     tiles(Raycast::new(), Jet::new(20_000, &[8])?.job(DENSE, 96)?)
 }
 
-/// One ray after the other.
+/// The ray caster one ray at a time.
 pub fn walk_portable(_: &Path) -> Result<Work, Box<dyn Error>> {
     tiles(Raycast::portable(), Jet::new(20_000, &[8])?.job(DENSE, 64)?)
 }
 
-/// View transform, entry faces, and entry faces into tiles, of cells that are active in layers; nothing is kept from frame to frame.
+/// View transform, entry faces, and their binning into tiles, for active cells in layers; nothing is kept between frames.
 pub fn entries(_: &Path) -> Result<Work, Box<dyn Error>> {
     let jet = Jet::new(20_000, &[8])?;
     let job = jet.job(TENTS, 96)?;
@@ -50,14 +50,14 @@ pub fn entries(_: &Path) -> Result<Work, Box<dyn Error>> {
     begins(Raycast::new(), (0..10).map(|shift| RenderJob { active: layers(shift), skip, ..job.clone() }).collect())
 }
 
-/// View transform, and faces into tiles; the list is another one each time, so that its faces are looked up.
+/// View transform, and binning of faces into tiles; the list differs each time, so that its faces are looked up.
 pub fn raster(_: &Path) -> Result<Work, Box<dyn Error>> {
     let jet = Jet::new(20_000, &[8])?;
     let shares = [1.0, 0.75, 0.5];
     begins(Havs::new(), shares.iter().map(|&share| jet.job_of_faces(DENSE, 96, share)).collect::<Result<_, _>>()?)
 }
 
-/// Fragments through buffers of eight, composited.
+/// Fragments through k-buffers of eight, composited.
 pub fn k_buffer(_: &Path) -> Result<Work, Box<dyn Error>> {
     tiles(Havs::new(), Jet::new(10_000, &[8])?.job_of_faces(DENSE, 64, 1.0)?)
 }

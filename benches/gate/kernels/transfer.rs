@@ -1,4 +1,4 @@
-//! Transfer functions.
+//! Kernels of transfer functions.
 
 use super::Work;
 use crate::scene::{DENSE, RANGE, TENTS};
@@ -9,7 +9,7 @@ use tetreel::transfer::{
     Blend, Context, Ensemble, Function, Lengths, MappedRange, Member, OpacityKind, TransferFunction, build_node_table,
 };
 
-/// The tables of two transfer functions.
+/// Builds the tables of two transfer functions.
 pub fn node_table(_: &Path) -> Result<Work, Box<dyn Error>> {
     let functions = [TransferFunction::parse(DENSE)?, TransferFunction::parse(TENTS)?];
     let range = MappedRange::new(RANGE.0, RANGE.1, false)?;
@@ -21,7 +21,7 @@ pub fn node_table(_: &Path) -> Result<Work, Box<dyn Error>> {
     }))
 }
 
-/// The curve of three members, blended.
+/// Blends the curve of three members.
 pub fn ensemble(_: &Path) -> Result<Work, Box<dyn Error>> {
     let member = |tf: &str, blend| -> Result<Member, Box<dyn Error>> {
         Ok(Member { blend, ..Member::new(tf, Function::TransferFunction(TransferFunction::parse(tf)?)) })

@@ -1,4 +1,4 @@
-//! Which cells and faces are drawn, and their order.
+//! Kernels of active cells, face selection and depth order.
 
 use super::Work;
 use crate::scene::{Jet, TENTS};
@@ -11,7 +11,7 @@ use tetreel::lod::{Ranking, Selector};
 use tetreel::task::Cancel;
 use tetreel::visibility::{ActiveCells, CellSet, Clusters, DepthOrder, TransparentIntervals};
 
-/// All faces in new directions.
+/// Sorts all faces in new directions.
 pub fn radix_sort(_: &Path) -> Result<Work, Box<dyn Error>> {
     let jet = Jet::new(30_000, &[])?;
     let all = Arc::new(CellSet::all(jet.cells()));
@@ -27,7 +27,7 @@ pub fn radix_sort(_: &Path) -> Result<Work, Box<dyn Error>> {
     }))
 }
 
-/// Other steps: labels of vertices, cells of those that have changed.
+/// Updates vertex labels and active cells at other steps.
 pub fn active_cells(_: &Path) -> Result<Work, Box<dyn Error>> {
     let jet = Jet::new(30_000, &[2, 5, 8])?;
     let transparent = Arc::new(TransparentIntervals::of(&*jet.table(TENTS)?));
@@ -42,7 +42,7 @@ pub fn active_cells(_: &Path) -> Result<Work, Box<dyn Error>> {
     }))
 }
 
-/// Half of the faces of other cells each time.
+/// Selects half of the faces of different cells each time.
 pub fn lod_selection(_: &Path) -> Result<Work, Box<dyn Error>> {
     let jet = Jet::new(30_000, &[])?;
     let ranking = Arc::new(Ranking::by_hash(&jet.mesh.topology));

@@ -1,15 +1,15 @@
-//! Whether there are two cores for two threads.
+//! Checks that two threads have two free cores.
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-/// How long is looked.
+/// Duration of the check.
 const LONG: Duration = Duration::from_millis(40);
 
-/// Part of the time that each of two threads must have run.
+/// Share of the time that each of two threads must have run.
 const ENOUGH: f64 = 0.95;
 
-/// Whether two threads that never wait both run nearly all of the time.
+/// Whether two busy threads both run nearly all of the time.
 pub fn are_free() -> bool {
     std::thread::scope(|scope| {
         let threads = [scope.spawn(share), scope.spawn(share)];
@@ -17,7 +17,7 @@ pub fn are_free() -> bool {
     })
 }
 
-/// The part of the time that this thread runs, if it wants to all the time; `None` where the system does not tell.
+/// Share of the time that this busy thread runs; `None` if the system does not report it.
 fn share() -> Option<f64> {
     let (started, before) = (Instant::now(), processor_ns()?);
     while started.elapsed() < LONG {
@@ -26,9 +26,9 @@ fn share() -> Option<f64> {
     Some((processor_ns()? - before) as f64 / started.elapsed().as_nanos() as f64)
 }
 
-/// Nanoseconds that this thread has run.
+/// Processor time of this thread in nanoseconds.
 fn processor_ns() -> Option<u64> {
-    // What the system tells is of the last time that it looked.
+    // The system updates the figure only when it reschedules.
     std::thread::yield_now();
     std::fs::read_to_string("/proc/thread-self/schedstat").ok()?.split(' ').next()?.parse().ok()
 }

@@ -1,4 +1,4 @@
-//! Ratios of decoding and importing.
+//! Time ratios of decoding and importing.
 
 use super::on_one_thread;
 use crate::kernels::vq_block;
@@ -16,7 +16,7 @@ use tetreel::ingest::{IngestOptions, ingest};
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
 
-/// Steps of codec `vq` over the formula of the format in a plain loop.
+/// Decoding of codec `vq` over the format's formula in a plain loop.
 pub fn decode_lanes() -> Result<f64, Box<dyn Error>> {
     const VERTICES: usize = 32_000;
     let decoder = vq_block(VERTICES, 256)?;
@@ -35,7 +35,7 @@ pub fn decode_lanes() -> Result<f64, Box<dyn Error>> {
     })
 }
 
-/// Step `step` of a block without exponents and special values, by the formula of [`VqBlock`].
+/// Decodes a step of a block without exponents and special values, by the formula of [`VqBlock`].
 #[inline(never)]
 fn decode_plainly(block: &VqBlock, step: usize, out: &mut [f32]) {
     let Indices::Narrow([first, second]) = block.indices() else { return };
@@ -49,13 +49,13 @@ fn decode_plainly(block: &VqBlock, step: usize, out: &mut [f32]) {
     }
 }
 
-/// A folder in memory: what a disk takes to be sure of a file is no matter of this program.
+/// A folder in memory, since the disk's sync times are not measured.
 const IN_MEMORY: &str = "/dev/shm";
 
-/// Import of `.vtu` files over copying them to nowhere.
+/// Import of `.vtu` files over reading them with `cat`.
 pub fn import() -> Result<f64, Box<dyn Error>> {
     const ROUNDS: usize = 6;
-    /// So often are the files copied, since that takes no longer than starting the command.
+    /// Copies per measurement, since one takes no longer than starting the command.
     const COPIES: usize = 8;
     let folder = tempfile::tempdir_in(IN_MEMORY).map_err(|e| format!("{e}; 64 MB are needed in {IN_MEMORY}"))?;
     let jet = generate(&SynthSpec { cells: 100_000, steps: 8, ..SynthSpec::new(SeriesName::Jet) })?;
@@ -81,7 +81,7 @@ fn files(folder: &Path) -> Result<Vec<PathBuf>, Box<dyn Error>> {
     Ok(paths.into_iter().filter(|path| path.extension().is_some_and(|e| e == "vtu")).collect())
 }
 
-/// Copies files to nowhere.
+/// Reads files with `cat`, discarding the output.
 fn cat(files: &[PathBuf]) -> Result<(), Box<dyn Error>> {
     let status = Command::new("cat").args(files).stdout(Stdio::null()).status()?;
     if status.success() { Ok(()) } else { Err(format!("cat: {status}").into()) }

@@ -1,4 +1,4 @@
-//! Ratios of frames of pipelines.
+//! Time ratios of pipeline frames.
 
 use super::on_one_thread;
 use crate::scene::{DENSE, TENTS};
@@ -18,17 +18,17 @@ use tetreel::task::{Cancel, Silent};
 use tetreel::transfer::{Lengths, MappedRange, OpacityKind, TransferFunction, build_node_table};
 use tetreel::visibility::Skip;
 
-/// Steps of the series: after so many frames they are the same again.
+/// Steps of the series, which repeats after this number of frames.
 const STEPS: usize = 4;
-/// Frames until the camera is where it was.
+/// Frames per camera turn.
 const TURN: usize = 20;
 
-/// A jet in a store, from all sides.
+/// A jet in a store, viewed from all sides.
 struct Scene {
     series: Arc<Series>,
     requests: Vec<FrameRequest>,
     store: PathBuf,
-    /// Where that is.
+    /// Folder of the store.
     _folder: tempfile::TempDir,
 }
 
@@ -46,7 +46,7 @@ impl Scene {
         let table = build_node_table(
             &TransferFunction::parse(tf)?,
             &range,
-            // Linear between points, so that a table has no more nodes than it must: what is guarded is not its length.
+            // Linear between points, so that tables are as short as possible: their length is not tested.
             OpacityKind::Extinction,
             &Lengths::of_unit_distance(unit_distance),
         )?;
@@ -65,14 +65,14 @@ impl Scene {
     }
 }
 
-/// All that can be is left out, over nothing: the sums over a turn of the least that each frame took.
+/// All skipping over none: sums over a turn of each frame's least time.
 pub fn skipping() -> Result<f64, Box<dyn Error>> {
     const ROUNDS: usize = 3;
     let scene = Scene::new(400_000, TENTS, 256, Skip::ALL)?;
     on_one_thread(|| {
         let mut ways = [Skip::NONE, Skip::ALL].map(|skip| (skip, Pipeline::new(scene.series.clone())));
         let mut least = [[f64::INFINITY; TURN]; 2];
-        // What is thrown away of the first turn is what is kept from frame to frame.
+        // The first turn, which fills caches, is discarded.
         for frame in 0..(1 + ROUNDS) * TURN {
             for ((skip, pipeline), least) in ways.iter_mut().zip(&mut least) {
                 let request = FrameRequest { skip: *skip, ..scene.request(frame) };
@@ -87,14 +87,14 @@ pub fn skipping() -> Result<f64, Box<dyn Error>> {
     })
 }
 
-/// What a frame takes.
+/// Milliseconds of a frame.
 fn milliseconds(pipeline: &mut Pipeline, request: &FrameRequest) -> Result<f64, String> {
     let started = Instant::now();
     black_box(pipeline.render(request).map_err(|e| e.to_string())?);
     Ok(started.elapsed().as_secs_f64() * 1e3)
 }
 
-/// Frames that are prepared while others are rendered, over one thing after the other.
+/// Pipelined frames over sequential ones.
 pub fn pipelined() -> Result<f64, Box<dyn Error>> {
     const FRAMES: usize = 30;
     const LONG: Duration = Duration::from_secs(60);
@@ -120,7 +120,7 @@ pub fn pipelined() -> Result<f64, Box<dyn Error>> {
     if delivered == 6 * FRAMES { Ok(ratio) } else { Err(format!("{delivered} frames came").into()) }
 }
 
-/// The first frame of a pipeline over one with other scalars later on, after its series has been opened.
+/// The first frame of a pipeline, after its series is opened, over a later one with new scalars.
 pub fn first_frame() -> Result<f64, Box<dyn Error>> {
     const PIPELINES: usize = 5;
     const LATER: usize = 4;
@@ -128,7 +128,7 @@ pub fn first_frame() -> Result<f64, Box<dyn Error>> {
     on_one_thread(|| {
         let mut ratios = Vec::with_capacity(PIPELINES);
         for _ in 0..PIPELINES {
-            // A series knows what has been found out about its mesh.
+            // A series caches results about its mesh.
             let series = Store::open(&scene.store).and_then(|store| Series::open(&store, None));
             let mut pipeline = Pipeline::new(Arc::new(series.map_err(|e| e.to_string())?));
             let frames = (0..=LATER).map(|frame| milliseconds(&mut pipeline, &scene.request(frame)));
@@ -139,8 +139,8 @@ pub fn first_frame() -> Result<f64, Box<dyn Error>> {
     })
 }
 
-/// Frames late in a pipeline's life over the same ones early in it. Seconds lie between them, in which the machine may have become
-/// faster or slower: each frame is measured by a sort beside it.
+/// Late frames of a pipeline over the same ones early on. Since the machine's speed may change in the seconds between, each frame is
+/// measured relative to a sort beside it.
 pub fn late_frames() -> Result<f64, Box<dyn Error>> {
     const FIRST: usize = 5;
     const LAST: usize = 500;
@@ -154,13 +154,13 @@ pub fn late_frames() -> Result<f64, Box<dyn Error>> {
         });
         measured.collect::<Result<Vec<f64>, String>>()
     })?;
-    // The same frames again: a whole number of turns later.
+    // The same frames, a whole number of turns later.
     let later = (LAST - FIRST - TURN) / TURN * TURN;
     let ratios: Vec<f64> = (FIRST..FIRST + TURN).map(|frame| sorts[frame + later] / sorts[frame]).collect();
     Ok(median(&ratios))
 }
 
-/// Milliseconds for a sort, the same one each time.
+/// Milliseconds of a fixed sort.
 fn sort_ms() -> f64 {
     let mut random = SplitMix64::new(1);
     let mut numbers: Vec<u64> = (0..10_000).map(|_| random.next_u64()).collect();

@@ -1,5 +1,5 @@
-//! Ratios of run times within one process. Each has a limit on one side: one and a half times what the reference machine shows; vectors
-//! may not be slower than none. No time is compared with one of another day or machine.
+//! Ratios of run times within one process. Each has an upper limit: one and a half times the reference machine's ratio; vectors may not be
+//! slower than scalar code. Times of different days or machines are never compared.
 
 mod cores;
 mod data;
@@ -12,22 +12,22 @@ use std::error::Error;
 use std::process::Command;
 use std::time::Instant;
 
-/// What a ratio may be, as a multiple of what the reference machine shows.
+/// Limit of a ratio, as a multiple of the reference machine's.
 const SLACK: f64 = 1.5;
 
-/// How often a ratio beyond its limit is measured before it counts.
+/// Number of measurements of a ratio beyond its limit before it fails.
 const ATTEMPTS: usize = 3;
 
-/// A ratio.
+/// A ratio of run times.
 struct Ratio {
-    /// Also of the place that makes it worse.
+    /// Name of the ratio, and of the place that slows it down.
     name: &'static str,
     what: &'static str,
-    /// What the reference machine shows: two cores of a Xeon with AVX-512.
+    /// Ratio on the reference machine: two cores of a Xeon with AVX-512.
     here: f64,
-    /// Whether it is one of vectors: how much faster they are than none depends on the processor, but they may not be slower.
+    /// Whether it compares vectors with scalar code: the gain depends on the processor, but there may be no loss.
     of_vectors: bool,
-    /// Whether several threads work at once: then it counts only if there is a core for each of two.
+    /// Whether several threads work at once: it then requires a free core for each of two.
     threads: bool,
     measure: fn() -> Result<f64, Box<dyn Error>>,
 }
@@ -44,7 +44,7 @@ const RATIOS: [Ratio; 12] = [
     Ratio {
         name: "lanes",
         what: "ray caster, lanes / portable",
-        // Measured: 0.51, and 0.79 on a Xeon with AMX, whose scalar code is as much faster.
+        // Measured: 0.51, and 0.79 on a Xeon with AMX, whose scalar code is faster by that much.
         here: 0.79,
         of_vectors: true,
         threads: false,
@@ -101,7 +101,7 @@ const RATIOS: [Ratio; 12] = [
     Ratio {
         name: "coarse_meshes",
         what: "10k cells / 100k",
-        // On two cores of an EPYC, as the next one.
+        // On two cores of an EPYC, like the next one.
         here: 0.63,
         of_vectors: false,
         threads: false,
@@ -138,7 +138,7 @@ impl Ratio {
         let limit = SLACK * self.here;
         match self.of_vectors {
             true if has_avx512() => limit.min(1.0),
-            // Vectors are shorter.
+            // Processors with shorter vectors.
             true => 1.0,
             false => limit,
         }
@@ -156,7 +156,7 @@ fn has_avx512() -> bool {
     false
 }
 
-/// Measures all ratios; whether all are within their limits.
+/// Measures all ratios; returns whether all are within their limits.
 pub fn gate() -> Verdict {
     let started = Instant::now();
     let mut rows = vec![row(["ratio", "here", "limit", "value", "verdict", "what"])];
@@ -176,7 +176,7 @@ pub fn gate() -> Verdict {
 
 const SLOWER: &str = "SLOWER";
 
-/// A ratio, measured until it is within its limit, or as often as it may be; and what that comes to.
+/// Measures a ratio until it is within its limit, or the attempts are used up; returns it with the verdict.
 fn judged(ratio: &Ratio) -> Result<(f64, &'static str), Trouble> {
     let (mut value, mut counts) = (f64::NAN, false);
     for attempt in 1..=ATTEMPTS {
@@ -193,7 +193,7 @@ fn judged(ratio: &Ratio) -> Result<(f64, &'static str), Trouble> {
     Ok((value, if counts { SLOWER } else { "NOT JUDGED: no two free cores" }))
 }
 
-/// Measures one ratio once; whether it is within its limit.
+/// Measures one ratio once; returns whether it is within its limit.
 pub fn once(name: &str) -> Verdict {
     let ratio = RATIOS.iter().find(|ratio| ratio.name == name).ok_or(format!("there is no ratio '{name}'"))?;
     let value = ratio.measured()?;
@@ -201,7 +201,7 @@ pub fn once(name: &str) -> Verdict {
     Ok(value <= ratio.limit())
 }
 
-/// Shows that each ratio is within its limit as it is, and beyond it if it is slowed down.
+/// Shows that each ratio is within its limit, and beyond it if slowed down.
 pub fn prove() -> Verdict {
     let mut all = gate()?;
     let mut rows = vec![row(["ratio", "limit", "slowed down", "verdict"])];
@@ -219,7 +219,7 @@ pub fn prove() -> Verdict {
     Ok(all)
 }
 
-/// Runs `work` with one thread for all that is parallel.
+/// Runs `work` with a single rayon thread.
 fn on_one_thread<T: Send>(work: impl FnOnce() -> Result<T, String> + Send) -> Result<T, Box<dyn Error>> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     pool.install(work).map_err(Into::into)

@@ -1,4 +1,4 @@
-//! Ratios of frames of one renderer, on one thread.
+//! Time ratios of frames of one renderer, on one thread.
 
 use super::on_one_thread;
 use crate::scene::{DENSE, Jet};
@@ -9,7 +9,7 @@ use tetreel::render::cpu::havs::Havs;
 use tetreel::render::cpu::raycast::Raycast;
 use tetreel::render::{RenderJob, Renderer};
 
-/// Median over pairs of the time of the second frame over that of the first.
+/// Median over pairs of time(second) / time(first).
 fn ratio<A, B>(
     pairs: usize,
     (mut a, of_a): (A, RenderJob),
@@ -20,7 +20,7 @@ where
     B: Renderer,
 {
     on_one_thread(move || {
-        // Rendered once, they cannot fail any more.
+        // Jobs that were rendered once cannot fail any more.
         a.render(of_a.clone()).map_err(|e| e.to_string())?;
         b.render(of_b.clone()).map_err(|e| e.to_string())?;
         let draw_a = || _ = black_box(a.render(of_a.clone()).map(|frame| frame.stats.steps));
@@ -29,26 +29,26 @@ where
     })
 }
 
-/// The ray caster in vectors over one ray after the other.
+/// The vectorised ray caster over one ray at a time.
 pub fn lanes() -> Result<f64, Box<dyn Error>> {
     let job = Jet::new(100_000, &[8])?.job(DENSE, 256)?;
     ratio(9, (Raycast::portable(), job.clone()), (Raycast::new(), job))
 }
 
-/// The renderer of faces for the widest registers over that for all processors.
+/// The face renderer with the widest registers over the portable one.
 pub fn face_lanes() -> Result<f64, Box<dyn Error>> {
     let job = Jet::new(100_000, &[8])?.job_of_faces(DENSE, 256, 1.0)?;
     ratio(9, (Havs::portable(), job.clone()), (Havs::new(), job))
 }
 
-/// A tenth of the inner faces over all of them.
+/// A tenth of the interior faces over all of them.
 pub fn few_faces() -> Result<f64, Box<dyn Error>> {
     let jet = Jet::new(100_000, &[8])?;
     let [all, few] = [jet.job_of_faces(DENSE, 256, 1.0)?, jet.job_of_faces(DENSE, 256, 0.1)?];
     ratio(9, (Havs::new(), all), (Havs::new(), few))
 }
 
-/// Constant opacities, the slowest of all over the first one, on a coarse mesh, whose pieces are thick: nothing may be slower for being more
+/// Constant opacities on a coarse mesh, with its thick segments: the slowest over the first one. Nothing may be slower for being more
 /// opaque.
 pub fn opaque_rays() -> Result<f64, Box<dyn Error>> {
     let jet = Jet::new(10_000, &[8])?;
@@ -60,7 +60,7 @@ pub fn opaque_rays() -> Result<f64, Box<dyn Error>> {
     Ok(worst)
 }
 
-/// What a frame takes for each cell, of a million cells over a hundred thousand.
+/// Frame time per cell, of a million cells over a hundred thousand.
 pub fn large_meshes() -> Result<f64, Box<dyn Error>> {
     let [small, large] = [Jet::new(100_000, &[8])?, Jet::new(1_000_000, &[8])?];
     let cells = large.cells() as f64 / small.cells() as f64;
@@ -68,7 +68,7 @@ pub fn large_meshes() -> Result<f64, Box<dyn Error>> {
     Ok(ratio(9, (Raycast::new(), of_small), (Raycast::new(), of_large))? / cells)
 }
 
-/// A frame of ten thousand cells over one of a hundred thousand: rays come through half as many cells, which cross more colours each.
+/// A frame of ten thousand cells over one of a hundred thousand: rays pass half as many cells, each across more colours.
 pub fn coarse_meshes() -> Result<f64, Box<dyn Error>> {
     let [coarse, fine] = [Jet::new(10_000, &[8])?, Jet::new(100_000, &[8])?];
     let [of_coarse, of_fine] = [coarse.job(DENSE, 256)?, fine.job(DENSE, 256)?];

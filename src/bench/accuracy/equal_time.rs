@@ -1,4 +1,4 @@
-//! What error a time buys: the best that each family reaches within a share of the time of the whole frame.
+//! Error at equal time: the least that each family reaches within a share of the full frame's time.
 
 use super::summary::{path_label, series_of, summaries, transfer_functions_of};
 use super::{PathSummary, is_judged_by};
@@ -8,25 +8,25 @@ use crate::optics::OpticsKind;
 use crate::render::KBuffer;
 use std::fmt;
 
-/// Shares of the time that a frame of all rays takes.
+/// Time budgets as shares of a full frame's time.
 pub const BUDGETS: [f64; 5] = [0.05, 0.1, 0.25, 0.5, 1.0];
 
-/// What is given up for time, one thing and nothing else.
+/// What a family reduces to save time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Family {
-    /// Rays, by contrast.
+    /// Number of rays, by contrast.
     Rays,
-    /// Pixels: a small image is enlarged.
+    /// Number of pixels: a small image is enlarged.
     Image,
-    /// Faces, by level of detail.
+    /// Number of faces, by level of detail.
     Faces,
 }
 
 impl Family {
-    /// All of them.
+    /// All families.
     pub const ALL: [Self; 3] = [Self::Rays, Self::Image, Self::Faces];
 
-    /// The family of a run on the CPU; `None` of one that gives up nothing, or something else.
+    /// The family of a run on the CPU; `None` if it reduces nothing, or something else.
     pub fn of(run: &BenchRun) -> Option<Self> {
         let usual = KBuffer::default();
         let is_usual = is_comparable(run) && run.k.is_none_or(|k| k == usual.k) && run.exact_order != Some(false);
@@ -39,7 +39,7 @@ impl Family {
         }
     }
 
-    /// In words.
+    /// Name of the family in words.
     pub(in crate::bench) fn name(self) -> &'static str {
         match self {
             Self::Rays => "fewer rays",
@@ -49,12 +49,12 @@ impl Family {
     }
 }
 
-/// Whether a run is one of the exact optics on the CPU, of values that are their own truth.
+/// Whether a run has exact optics on the CPU, and values that are their own truth.
 fn is_comparable(run: &BenchRun) -> bool {
     run.backend == "cpu" && run.optics == OpticsKind::Exact.to_string() && is_judged_by(run, JUDGE_REFERENCE)
 }
 
-/// Whether a run draws all that there is, ray by ray.
+/// Whether a run casts all rays at full size.
 fn is_whole(run: &BenchRun) -> bool {
     is_comparable(run) && run.mode == "raycast" && run.contrast.is_none() && run.image_scale == 1.0
 }
@@ -62,58 +62,58 @@ fn is_whole(run: &BenchRun) -> bool {
 /// A path on all scenes of a series with one transfer function.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setting {
-    /// How it differs from the usual.
+    /// Difference from the default settings.
     pub label: String,
     /// Mean milliseconds of a frame over the scenes.
     pub ms: f64,
-    /// Root mean square over the scenes.
+    /// Root mean square error over the scenes.
     pub rmse: f64,
-    /// The filter that brings a small image to full size, if it is named.
+    /// The upsampling filter of a small image, if it is named.
     pub upsample: Option<String>,
 }
 
 impl Setting {
-    /// How it differs from the usual way of its renderer.
+    /// Difference from the default settings of its renderer.
     pub fn how(&self) -> &str {
         self.label.split_once(", ").map_or("all", |(_, how)| how)
     }
 }
 
-/// What each family reaches on the scenes of a series with one transfer function.
+/// Error and time of each family on the scenes of a series with one transfer function.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curves<'a> {
-    /// Series.
+    /// Name of the series.
     pub series: &'a str,
     /// Name of the transfer function.
     pub transfer_function: &'a str,
-    /// All rays.
+    /// The full frame, with all rays.
     pub whole: Setting,
     /// The settings of each family, in the order of [`Family::ALL`] and of their runs.
     pub families: [Vec<Setting>; 3],
 }
 
-/// What can be had within a time.
+/// The best settings within a time budget.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EqualTime<'a> {
-    /// Series.
+    /// Name of the series.
     pub series: &'a str,
     /// Name of the transfer function.
     pub transfer_function: &'a str,
-    /// The time, as a share of that of all rays.
+    /// The budget, as a share of the full frame's time.
     pub budget: f64,
-    /// The setting with the least error of each family, in their order; `None` if all take longer.
+    /// The setting with the least error of each family, in the order of [`Family::ALL`]; `None` if all take longer.
     pub best: [Option<Setting>; 3],
 }
 
 impl EqualTime<'_> {
-    /// The family with the least error; `None` if none is within the time.
+    /// The family with the least error; `None` if none is within the budget.
     pub fn winner(&self) -> Option<Family> {
         let reached = Family::ALL.into_iter().zip(&self.best).filter_map(|(of, best)| Some((of, best.as_ref()?.rmse)));
         reached.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(family, _)| family)
     }
 }
 
-/// Each series and transfer function of some runs of the suite, where all rays were measured and one family at least.
+/// The curves of each series and transfer function for which the full frame and at least one family were measured.
 pub fn curves(runs: &[BenchRun]) -> Vec<Curves<'_>> {
     let all = summaries(runs);
     let mut found = Vec::new();
@@ -142,7 +142,7 @@ pub fn curves(runs: &[BenchRun]) -> Vec<Curves<'_>> {
     found
 }
 
-/// The same at each budget.
+/// The best settings of each curve at each budget.
 pub fn equal_time(runs: &[BenchRun]) -> Vec<EqualTime<'_>> {
     fn at<'a>(curves: &Curves<'a>, budget: f64) -> EqualTime<'a> {
         let best = curves.families.each_ref().map(|settings| {
@@ -154,7 +154,7 @@ pub fn equal_time(runs: &[BenchRun]) -> Vec<EqualTime<'_>> {
     curves(runs).into_iter().flat_map(|curves| BUDGETS.map(|budget| at(&curves, budget))).collect()
 }
 
-/// The scenes of one path, together.
+/// Combines the scenes of one path.
 fn setting(runs: &[&BenchRun]) -> Setting {
     let count = runs.len() as f64;
     let label = runs.first().map(|run| path_label(run)).unwrap_or_default();

@@ -1,7 +1,7 @@
-//! The error of integrating one segment, by method and size of table: transfer functions that are hard, lengths from 1e-9 to 1e3
-//! unit distances. No mesh, no image, no rounding but the method's own: what the scenes of the suite may happen not to meet.
+//! The error of integrating one segment, by method and table size: difficult transfer functions, lengths from 1e-9 to 1e3 unit distances.
+//! Without mesh or image the only rounding is the method's own; covers cases that the suite's scenes may not contain.
 //!
-//! The truth is [`quadrature`] in f64, whose own error (1e-14) a test of it shows.
+//! The truth is [`quadrature`] in f64, whose own error (1e-14) is tested.
 
 use crate::node_table::{Node, NodeTable, NodeTableError};
 use crate::optics::exact::ExactTable;
@@ -34,29 +34,29 @@ pub struct IntegrationRun {
     pub table_size: Option<usize>,
     /// Length of the segments in unit distances.
     pub length: f64,
-    /// How many there are.
+    /// Number of segments.
     pub segments: usize,
     /// Largest error of a channel of premultiplied colour.
     pub color_max: f64,
     /// Root mean square over segments and channels.
     pub color_rms: f64,
-    /// Largest error of opacity.
+    /// Root mean square error of colour, over segments and channels.
     pub opacity_max: f64,
-    /// Root mean square over segments.
+    /// Root mean square error of opacity, over segments.
     pub opacity_rms: f64,
-    /// Largest error of opacity over opacity, where there is some.
+    /// Largest relative error of opacity, where opacity is not 0.
     pub opacity_relative: f64,
 }
 
-/// A transfer function, and where its segments begin and end.
+/// A transfer function with its segments.
 struct Case {
     name: &'static str,
     table: NodeTable,
-    /// Scalar ends of a segment.
+    /// Draws the scalars at the ends of a segment.
     segment: fn(&mut SplitMix64) -> (f64, f64),
 }
 
-/// Errors of all methods on all cases, tables with these sizes, `segments` segments of each length.
+/// Errors of all methods on all cases, with tables of these sizes and `segments` segments of each length.
 ///
 /// # Errors
 /// None in practice: the transfer functions are constants of this module.
@@ -83,7 +83,7 @@ pub fn integration_errors(table_sizes: &[usize], segments: usize) -> Result<Vec<
     Ok(runs)
 }
 
-/// Sums over segments.
+/// Error sums over segments.
 #[derive(Clone, Copy, Debug, Default)]
 struct Errors {
     segments: usize,
@@ -97,14 +97,14 @@ struct Errors {
 impl Errors {
     fn add(&mut self, truth: [f64; 4], found: [f32; 4]) {
         let off: [f64; 4] = std::array::from_fn(|c| (f64::from(found[c]) - truth[c]).abs());
-        // A NaN is as wrong as can be.
+        // A NaN counts as the largest error.
         let off = off.map(|d| if d.is_nan() { f64::MAX } else { d });
         self.segments += 1;
         self.color_max = off[..3].iter().copied().fold(self.color_max, f64::max);
         self.color_squares += off[..3].iter().map(|d| d * d).sum::<f64>();
         self.opacity_max = self.opacity_max.max(off[3]);
         self.opacity_squares += off[3] * off[3];
-        // Below this f32 has fewer digits.
+        // Below this f32 loses significant bits.
         if truth[3] > f64::from(f32::MIN_POSITIVE) {
             self.opacity_relative = self.opacity_relative.max(off[3] / truth[3]);
         }
@@ -127,7 +127,7 @@ impl Errors {
     }
 }
 
-/// The errors of an integrator on the segments of a case: the same ones for each integrator and length.
+/// Errors of an integrator on the segments of a case, which are the same for each integrator and length.
 fn errors_of<I: Integrator>(integrator: &I, case: &Case, length: f64, segments: usize) -> Errors {
     let mut random = SplitMix64::new(SEED);
     let mut errors = Errors::default();
@@ -140,7 +140,7 @@ fn errors_of<I: Integrator>(integrator: &I, case: &Case, length: f64, segments: 
     errors
 }
 
-/// The transfer functions: scalars from 0 to 1 but for the last, unit distance 1.
+/// The cases: scalars from 0 to 1 except in the last, unit distance 1.
 fn cases() -> Result<Vec<Case>, NodeTableError> {
     let tau = |alpha: f64| -(-alpha).ln_1p();
     let rainbow = |i: usize| [[1.0, 0.2, 0.0], [0.1, 0.9, 0.2], [0.1, 0.3, 1.0], [0.9, 0.9, 0.3]][i % 4];
@@ -174,37 +174,37 @@ fn cases() -> Result<Vec<Case>, NodeTableError> {
     ])
 }
 
-/// Where the spike begins, and how wide it is.
+/// Position and width of the spike.
 const SPIKE: f64 = 0.3;
 const SPIKE_WIDTH: f64 = 1.0 / 4096.0;
 
-/// Segments of 1e-4 of the range to all of it, some of which leave it.
+/// Segments that span 1e-4 to all of the range, some partly outside.
 fn anywhere(random: &mut SplitMix64) -> (f64, f64) {
     let s0 = random.between(-0.05, 1.05);
     (s0, s0 + span(random, -4.0))
 }
 
-/// The same, half of them beginning within four widths of the spike.
+/// [`anywhere`], with half of the segments beginning within four widths of the spike.
 fn at_the_spike(random: &mut SplitMix64) -> (f64, f64) {
     let (s0, s1) = anywhere(random);
     let near = SPIKE + SPIKE_WIDTH * random.between(-4.0, 5.0);
     if random.unit() < 0.5 { (s0, s1) } else { (near, near + (s1 - s0)) }
 }
 
-/// Ends of any order of magnitude.
+/// Ends of any magnitude.
 fn of_all_magnitudes(random: &mut SplitMix64) -> (f64, f64) {
     let [a, b] = [(); 2].map(|()| 10f64.powf(random.between(-38.5, 38.0)));
     (a, b)
 }
 
-/// A signed share of the range, by its logarithm.
+/// A random signed share of the range, uniform in its logarithm.
 fn span(random: &mut SplitMix64, least: f64) -> f64 {
     let size = 10f64.powf(random.between(least, 0.0));
     if random.unit() < 0.5 { size } else { -size }
 }
 
-/// The runs as a Markdown table: of each method and case the worst over all lengths, the largest error of colour over those up to
-/// a tenth of and up to one unit distance too, and the relative error of opacity of the shortest.
+/// The runs as a Markdown table: for each method and case the worst over all lengths, the largest colour error up to a tenth of and up to
+/// one unit distance, and the relative opacity error of the shortest.
 #[derive(Clone, Copy, Debug)]
 pub struct IntegrationTable<'a>(pub &'a [IntegrationRun]);
 
@@ -225,7 +225,7 @@ impl fmt::Display for IntegrationTable<'_> {
     }
 }
 
-/// The row of some lengths with one method.
+/// Writes the row of some lengths with one method.
 fn row(f: &mut fmt::Formatter<'_>, runs: &[IntegrationRun]) -> fmt::Result {
     let Some(first) = runs.first() else { return Ok(()) };
     let worst = |longest: f64, of: fn(&IntegrationRun) -> f64| {

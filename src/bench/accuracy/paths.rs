@@ -1,43 +1,43 @@
-//! The paths that the suite measures: one thing changed at a time, and pairs that belong together.
+//! The paths that the suite measures: most change one setting, some a pair of settings.
 
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
 use crate::pipeline::{Backend, FaceDetail, ImageScale, RenderMode, UpsampleFilter, UpsampleKind, Upsampling};
 use crate::render::{Contrast, KBuffer};
 
-/// One way from scalars to pixels.
+/// One way from scalars to pixels: a choice of all settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AccuracyPath {
-    /// Ray caster or faces.
+    /// Ray caster, face renderer or reference.
     pub mode: RenderMode,
     /// CPU or GPU.
     pub backend: Backend,
-    /// How segments are integrated.
+    /// Integration of segments.
     pub optics: OpticsKind,
-    /// Entries of the pre-integrated table along a scalar axis, where there is a table.
+    /// Entries of the pre-integrated table along a scalar axis, if the optics use it.
     pub table_scalars: usize,
-    /// Share of the interior faces that is drawn, where faces are.
+    /// Share of the interior faces that is drawn, by the face renderer.
     pub lod: f64,
-    /// How fragments come into order, where faces are drawn.
+    /// The k-buffer of the face renderer.
     pub k_buffer: KBuffer,
-    /// The image that is rendered and brought to the size that is judged; `None` if it has this size.
+    /// Scale and filter of a smaller rendered image; `None` at full size.
     pub upsampling: Option<Upsampling>,
-    /// The contrast that decides which rays are cast; all are without.
+    /// The contrast that decides which rays are cast; `None` casts all.
     pub contrast: Option<Contrast>,
 }
 
-/// Levels of detail beside the whole.
+/// Levels of detail besides 1.
 pub const LODS: [f64; 4] = [0.5, 0.25, 0.1, 0.05];
-/// Sizes of the buffer of fragments.
+/// Sizes of the k-buffer.
 pub const KS: [u8; 5] = [2, 4, 8, 16, 32];
 /// Entries along a scalar axis of pre-integrated tables.
 pub const TABLE_SIZES: [usize; 4] = [32, 64, 128, 256];
-/// Image scales beside 1.
+/// Image scales besides 1.
 pub const IMAGE_SCALES: [ImageScale; 3] = [ImageScale::Half, ImageScale::Quarter, ImageScale::Eighth];
 /// Contrasts that decide which rays are cast.
 pub const CONTRASTS: [Contrast; 5] = [contrast(0.2), contrast(0.1), contrast(0.05), contrast(0.02), contrast(0.01)];
 
-/// One that there is: what is none does not compile.
+/// A contrast constant; an invalid one does not compile.
 const fn contrast(contrast: f32) -> Contrast {
     match Contrast::new(contrast) {
         Some(contrast) => contrast,
@@ -45,7 +45,7 @@ const fn contrast(contrast: f32) -> Contrast {
     }
 }
 
-/// The ray caster on the CPU with nothing left out: every other path differs from it, or from [`FACES`], in one thing or two.
+/// The ray caster on the CPU in full: every other path differs from it, or from [`FACES`], in one or two settings.
 const RAYS: AccuracyPath = AccuracyPath {
     mode: RenderMode::Raycast,
     backend: Backend::Cpu,
@@ -57,14 +57,14 @@ const RAYS: AccuracyPath = AccuracyPath {
     contrast: None,
 };
 const FACES: AccuracyPath = AccuracyPath { mode: RenderMode::Havs, ..RAYS };
-/// The judge's integration of the table that all others draw: what the table itself is off.
+/// The reference with the table instead of the formula: the error of the table itself.
 const REFERENCE_TABLE: AccuracyPath = AccuracyPath { mode: RenderMode::Reference, ..RAYS };
 
-/// What is measured of values that a codec has changed: the error of the codec is the same on every exact path.
+/// Paths for values changed by a codec: the codec's error is the same on every exact path.
 pub const CODEC_PATHS: [AccuracyPath; 4] =
     [RAYS, FACES, AccuracyPath { lod: 0.1, ..FACES }, AccuracyPath { upsampling: HALF, ..RAYS }];
 
-/// What changes two things at once: what a preview on a slow machine would combine.
+/// Paths that change two settings: combinations for a preview on a slow machine.
 const PAIRS: [AccuracyPath; 4] = [
     AccuracyPath { optics: OpticsKind::Table3d, upsampling: HALF, ..RAYS },
     AccuracyPath { lod: 0.1, upsampling: HALF, ..FACES },
@@ -72,7 +72,7 @@ const PAIRS: [AccuracyPath; 4] = [
     AccuracyPath { lod: 0.25, optics: OpticsKind::Table3d, ..FACES },
 ];
 
-/// A small image as the ray caster's alone, between others.
+/// Half scale, bilinear.
 const HALF: Option<Upsampling> = Some(Upsampling { scale: ImageScale::Half, filter: UpsampleFilter::Bilinear });
 
 /// Every filter at every scale.
@@ -96,7 +96,7 @@ pub fn paths(backends: &[Backend]) -> Vec<AccuracyPath> {
         all.extend(KS.map(|k| AccuracyPath { k_buffer: KBuffer { k, exact_order }, ..FACES }));
     }
     all.extend(PAIRS);
-    // The faces of the base, once more among the buffers.
+    // The default face path occurs again among the k-buffers.
     let mut seen = Vec::new();
     all.retain(|path| {
         !seen.contains(path) && {
@@ -107,7 +107,7 @@ pub fn paths(backends: &[Backend]) -> Vec<AccuracyPath> {
     on_backends(&all, backends)
 }
 
-/// The same paths on each of the backends that has them.
+/// These paths on each of the backends that support them.
 pub fn on_backends(paths: &[AccuracyPath], backends: &[Backend]) -> Vec<AccuracyPath> {
     let on = |&backend: &Backend| {
         paths
@@ -119,7 +119,8 @@ pub fn on_backends(paths: &[AccuracyPath], backends: &[Backend]) -> Vec<Accuracy
 }
 
 impl AccuracyPath {
-    /// Whether the GPU has this path, and it is not one of its others: it has no reference, one size of tables, and in exact order no buffer.
+    /// Whether the GPU supports this path and it is not a duplicate: the GPU has no reference, one table size, and no k-buffer in exact
+    /// order.
     fn is_of_gpu(&self) -> bool {
         let KBuffer { k, exact_order } = self.k_buffer;
         self.mode != RenderMode::Reference
@@ -127,17 +128,17 @@ impl AccuracyPath {
             && (!exact_order || k == RAYS.k_buffer.k)
     }
 
-    /// Which faces are drawn, and how they come into order.
+    /// Level of detail and k-buffer of the faces.
     pub(super) fn faces(&self) -> FaceDetail {
         FaceDetail { lod: self.lod, k_buffer: self.k_buffer, ..FaceDetail::default() }
     }
 
-    /// Entries of the table along a scalar axis, if there is a table.
+    /// Entries of the table along a scalar axis, if a table is used.
     pub(super) fn table_size(&self) -> Option<usize> {
         (self.optics == OpticsKind::Table3d).then_some(self.table_scalars)
     }
 
-    /// Renderer and backend.
+    /// Name of renderer and backend.
     pub(super) fn mode_name(&self) -> &'static str {
         match (self.mode, self.backend) {
             (RenderMode::Havs, Backend::Gpu) => "havs on the GPU",

@@ -1,4 +1,4 @@
-//! What is looked at.
+//! Scenes of the accuracy suite.
 
 use crate::bench::report::SceneName;
 use crate::camera::{Camera, CameraError};
@@ -7,25 +7,25 @@ use crate::pipeline::FrameRequest;
 use crate::transfer::TransferSource;
 use std::sync::Arc;
 
-/// Transfer functions by name: one in which every scalar is visible, so that rays are long and all cells count, and one of two
-/// narrow tents, which is what tables, faces left out and small images do worst.
+/// Transfer functions by name: one in which every scalar is visible, so that rays are long and all cells count, and one of two narrow
+/// tents, which is hardest for tables, omitted faces and small images.
 pub const TRANSFER_FUNCTIONS: [(&str, &str); 2] =
     [("dense", "viridis@0:0.05,1:0.5"), ("tents", "viridis@0:0,0.2:0,0.25:0.8,0.3:0,0.6:0,0.65:0.8,0.7:0,1:0")];
 
-/// A place in time and space.
+/// A view and a time within a series.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// Its name.
+    /// Name of the view.
     pub name: &'static str,
-    /// The step as a part of the series, 0 to 1.
+    /// Step as a share of the series, 0 to 1.
     pub at: f64,
     /// Degrees around the focal point, from the camera that frames the mesh.
     pub azimuth_deg: f64,
-    /// Degrees up.
+    /// Elevation in degrees.
     pub elevation_deg: f64,
 }
 
-/// The views of every series: from the front in the middle, and from the side towards the end.
+/// The views of every series: from the front at half time, and from the side near the end.
 pub const VIEWS: [View; 2] = [
     View { name: "front", at: 0.5, azimuth_deg: 0.0, elevation_deg: 0.0 },
     View { name: "side", at: 0.9, azimuth_deg: 75.0, elevation_deg: 20.0 },
@@ -34,17 +34,17 @@ pub const VIEWS: [View; 2] = [
 /// A step seen through a camera and a transfer function.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AccuracyScene {
-    /// What it is called in the record.
+    /// Name in the record.
     pub name: SceneName,
-    /// The frame, on any path.
+    /// The request, for any path.
     pub request: FrameRequest,
 }
 
-/// Every view through every transfer function, of a series with so many steps. `camera` frames the mesh; `table` makes the
-/// table of a transfer function (as text) at a step, and says what it is made from.
+/// Every view through every transfer function, for a series of this number of steps. `camera` frames the mesh; `table` makes the table of a
+/// transfer function (as text) at a step, and returns what it is made from.
 ///
 /// # Errors
-/// As `table`, or if a camera cannot be turned.
+/// As `table`, or if a camera cannot orbit.
 pub fn scenes<E: From<CameraError>>(
     series: &str,
     steps: usize,

@@ -1,4 +1,4 @@
-//! Runs of the accuracy suite, path by path: the worst error over the scenes beside the median time.
+//! Summary of the accuracy suite by path: worst error over the scenes, and median time.
 
 use crate::bench::pareto_front;
 use crate::bench::report::{BenchRun, RunError};
@@ -9,7 +9,7 @@ use crate::pipeline::UpsampleKind;
 use crate::render::KBuffer;
 use std::fmt;
 
-/// One path on one data set.
+/// A path on one data set.
 #[derive(Clone, Debug)]
 pub struct PathSummary<'a> {
     /// The data set whose values are the truth.
@@ -18,15 +18,15 @@ pub struct PathSummary<'a> {
     pub dataset: &'a str,
     /// Name of the path.
     pub label: String,
-    /// Its runs, scene by scene.
+    /// Runs of the path, scene by scene.
     pub runs: Vec<&'a BenchRun>,
     /// Median over the scenes of the median milliseconds of a frame.
     pub ms: f64,
-    /// Largest error of any scene: root mean square, and single channel. `None` for the judge.
+    /// Largest error of any scene: RMSE, and maximum of a channel. `None` for the judge.
     pub worst: Option<(f64, f64)>,
 }
 
-/// The name of a run's path: renderer, and how it differs from the usual.
+/// Label of a run's path: renderer, and differences from the defaults.
 pub fn path_label(run: &BenchRun) -> String {
     let mut label = run.mode.clone();
     if run.backend == "gpu" {
@@ -62,12 +62,12 @@ pub fn path_label(run: &BenchRun) -> String {
     label
 }
 
-/// A share in per cent, without what rounding leaves.
+/// A share in per cent, without rounding residue.
 fn percent(share: f64) -> f64 {
     (share * 1e4).round() / 1e2
 }
 
-/// The runs of the accuracy suite, put together path by path in the order of their first runs. Others are left out.
+/// The runs of the accuracy suite grouped by path, in the order of their first runs. Other runs are ignored.
 pub fn summaries(runs: &[BenchRun]) -> Vec<PathSummary<'_>> {
     let mut all: Vec<PathSummary<'_>> = Vec::new();
     for run in runs {
@@ -94,7 +94,7 @@ pub fn summaries(runs: &[BenchRun]) -> Vec<PathSummary<'_>> {
 }
 
 impl PathSummary<'_> {
-    /// Largest errors of those runs that `wanted` says, root mean square and single channel.
+    /// Largest errors of the runs that `wanted` accepts: RMSE, and maximum of a channel.
     pub fn worst_where(&self, wanted: impl Fn(&BenchRun) -> bool) -> Option<(f64, f64)> {
         let errors = self.runs.iter().filter(|run| wanted(run)).filter_map(|run| run.error.as_ref());
         errors.fold(None, |worst: Option<(f64, f64)>, error| {
@@ -110,7 +110,7 @@ impl PathSummary<'_> {
     }
 }
 
-/// Those of a series that no other path of it beats in both time and error: indices into `all`.
+/// Pareto front of a series in time and error: indices into `all`.
 pub fn front_of(all: &[PathSummary<'_>], series: &str) -> Vec<usize> {
     let of_series: Vec<(usize, [f64; 2])> = all
         .iter()
@@ -122,7 +122,7 @@ pub fn front_of(all: &[PathSummary<'_>], series: &str) -> Vec<usize> {
     pareto_front(&points).into_iter().map(|at| of_series[at].0).collect()
 }
 
-/// Names of the series that were judged, in order.
+/// Names of the judged series, in order.
 pub(in crate::bench) fn series_of<'a>(all: &[PathSummary<'a>]) -> Vec<&'a str> {
     let mut names: Vec<&str> = Vec::new();
     all.iter().for_each(|summary| {
@@ -188,7 +188,7 @@ fn row(f: &mut fmt::Formatter<'_>, summary: &PathSummary<'_>, functions: &[&str]
     }
 }
 
-/// Whether a run has an error of this judge.
+/// Whether a run was compared with this judge.
 pub(in crate::bench) fn is_judged_by(run: &BenchRun, judge: &str) -> bool {
     run.error.as_ref().is_some_and(|error: &RunError| error.judge == judge)
 }

@@ -1,4 +1,4 @@
-//! Which plots there are, and what is in them.
+//! The list of plots and their contents.
 
 use super::{Axis, Chart, Line, Panel, Point, Style};
 use crate::bench::accuracy::{Curves, Family, PathSummary, Setting, curves, summaries};
@@ -8,35 +8,35 @@ use crate::render::KBuffer;
 
 /// A plot of the suite.
 pub(super) struct Kind {
-    /// Name of its file.
+    /// File name.
     pub file: &'static str,
-    /// What has to be there for it to show anything.
+    /// Data that the plot needs.
     pub needs: &'static str,
     shows: Shows,
 }
 
-/// What a plot shows.
+/// Content of a plot.
 enum Shows {
     Time,
     Families,
     Factor(Factor),
 }
 
-/// Error against one thing that changes.
+/// A plot of error against one setting.
 struct Factor {
-    /// What comes after "error against".
+    /// Title after "error against".
     title: &'static str,
-    /// The axis, with its unit.
+    /// Label of the x axis, with its unit.
     axis: &'static str,
-    /// Whether the axis has its ticks where the points are.
+    /// Whether the x axis has ticks at its points only.
     ticks_at_points: bool,
-    /// Where a run belongs, and on which of several lines; `None` if it does not.
+    /// Position of a run on the x axis, and the name of its line; `None` leaves it out.
     place: fn(&BenchRun) -> Option<(f64, &'static str)>,
-    /// Whether there must be values that a codec has changed.
+    /// Whether values changed by a codec are required.
     is_of_codecs: bool,
 }
 
-/// Y axis of all plots but that of families.
+/// Y axis of all plots except by family.
 const ERROR_AXIS: &str = "largest RMSE of the scenes [1 = full intensity]";
 
 /// All plots.
@@ -124,12 +124,12 @@ pub(super) static CHARTS: [Kind; 7] = [
     },
 ];
 
-/// The first name for the CPU, the second for the GPU.
+/// The first name on the CPU, the second on the GPU.
 fn on(run: &BenchRun, names: [&'static str; 2]) -> &'static str {
     names[usize::from(run.backend == "gpu")]
 }
 
-/// Full size, integrated without a table.
+/// Whether a run is at full size and integrated without a table.
 fn is_plain(run: &BenchRun) -> bool {
     run.image_scale == 1.0 && run.table_size.is_none() && run.contrast.is_none()
 }
@@ -139,7 +139,7 @@ fn has_usual_buffer(run: &BenchRun) -> bool {
     run.k == Some(k) && run.exact_order == Some(exact_order)
 }
 
-/// The plot of these runs; `None` if there is nothing to show.
+/// The plot of these runs; `None` without data.
 pub(super) fn chart(kind: &Kind, runs: &[BenchRun]) -> Option<Chart> {
     let chart = match &kind.shows {
         Shows::Time => against_time(runs),
@@ -157,7 +157,7 @@ fn against_time(runs: &[BenchRun]) -> Chart {
     Chart { x, y: ERROR_AXIS.to_owned(), panels }
 }
 
-/// The paths of a series by renderer and backend, and the Pareto front through those that no other one beats.
+/// The paths of a series by renderer and backend, and their Pareto front.
 fn time_panel(all: &[PathSummary<'_>], series: &str) -> Option<Panel> {
     let front = front_of(all, series);
     let point = |at: usize| {
@@ -184,15 +184,15 @@ fn time_panel(all: &[PathSummary<'_>], series: &str) -> Option<Panel> {
     (!is_empty).then(|| Panel { title: format!("Error against time: {series}"), lines })
 }
 
-/// Error against time by what is given up for it, a panel for each series and transfer function.
+/// Error against time by family, a panel for each series and transfer function.
 fn by_family(runs: &[BenchRun]) -> Chart {
     let panels = curves(runs).iter().map(family_panel).collect();
     let x = Axis { name: "time of a frame, mean of the scenes [ms]".to_owned(), ticks: None };
     Chart { x, y: "RMSE of the scenes together [1 = full intensity]".to_owned(), panels }
 }
 
-/// A line for each family, through what it reaches, and all rays; of filters the bilinear one. The first and the last point of a line
-/// have names: those between would lie over each other.
+/// A line per family through its settings (of filters only the bilinear one), and the full frame. Only the first and last point of a line
+/// have names, since others would overlap.
 fn family_panel(curves: &Curves<'_>) -> Panel {
     let line = |(family, settings): (Family, &Vec<Setting>)| {
         let is_usual = |of: &&Setting| of.upsample.as_ref().is_none_or(|filter| filter == "bilinear");
@@ -210,7 +210,7 @@ fn family_panel(curves: &Curves<'_>) -> Panel {
     Panel { title, lines }
 }
 
-/// Error against one thing that changes, a panel for each transfer function, a line for each series and variant.
+/// Error against one setting, a panel for each transfer function, a line for each series and variant.
 fn against(factor: &Factor, runs: &[BenchRun]) -> Chart {
     let is_wanted = |run: &&BenchRun| {
         let is_own = is_judged_by(run, JUDGE_REFERENCE);
@@ -232,7 +232,7 @@ fn against(factor: &Factor, runs: &[BenchRun]) -> Chart {
     Chart { x, y: ERROR_AXIS.to_owned(), panels }
 }
 
-/// The lines of a transfer function: of runs at the same place the largest error. A line needs two places.
+/// The lines of a transfer function: the largest error of runs at each position. A line needs two positions.
 fn lines(factor: &Factor, runs: &[&BenchRun], function: &str) -> Vec<Line> {
     let mut lines: Vec<Line> = Vec::new();
     for run in runs {

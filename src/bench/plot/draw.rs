@@ -1,4 +1,4 @@
-//! From a [`Chart`] to SVG, with plotters.
+//! Draws a [`Chart`] as SVG, with plotters.
 
 use super::ticks::{exponent, label, log_ticks, power_of_ten};
 use super::{Chart, Line, Panel, Point, Style};
@@ -13,7 +13,7 @@ type Drawn = Result<(), Box<dyn Error>>;
 
 /// Size of a panel in pixels.
 const PANEL_PX: (u32, u32) = (900, 540);
-/// Colours that colour-blind readers can tell apart (Okabe and Ito), and two greys.
+/// Colour-blind safe colours (Okabe and Ito), and two greys.
 const COLORS: [RGBColor; 8] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -25,10 +25,10 @@ const COLORS: [RGBColor; 8] = [
     RGBColor(140, 140, 140),
 ];
 const FONT: &str = "sans-serif";
-/// Radius of a point, and of one with a name.
+/// Radius of a point without and with a name.
 const RADIUS_PX: [i32; 2] = [3, 5];
 
-/// The chart as a document.
+/// The chart as an SVG document.
 pub(super) fn svg(chart: &Chart) -> Result<String, Box<dyn Error>> {
     let mut svg = String::new();
     {
@@ -80,7 +80,7 @@ fn draw_panel(area: &Area<'_>, chart: &Chart, panel: &Panel) -> Drawn {
         let color = *color;
         let circles = circles(line)
             .map(|point| Circle::new(at(point), RADIUS_PX[usize::from(point.name.is_some())], color.filled()));
-        // Of rectangles, so that each circle is a point.
+        // Rectangles, so that every circle is a data point.
         let legend = move |(x, y)| Rectangle::new([(x, y - 3), (x + 14, y + 3)], color.filled());
         axes.draw_series(circles)?.label(line.name.as_str()).legend(legend);
     }
@@ -99,12 +99,12 @@ fn draw_panel(area: &Area<'_>, chart: &Chart, panel: &Panel) -> Drawn {
     Ok(())
 }
 
-/// The points that are drawn: a path goes through those of others.
+/// The points that are drawn; a [`Style::Path`] draws none of its own.
 fn circles(line: &Line) -> impl Iterator<Item = &Point> {
     line.points.iter().filter(|_| line.style != Style::Path)
 }
 
-/// Points with names from left to right, and how far below them the names go: neighbours' apart, as they are long.
+/// Named points from left to right, with the offset of their names below: neighbours differ, as names are long.
 fn named(panel: &Panel) -> impl Iterator<Item = (&Point, i32)> {
     const ASIDE_PX: [i32; 4] = [-9, 10, -22, 23];
     let mut named: Vec<&Point> = points_of(panel).filter(|point| point.name.is_some()).collect();
@@ -116,9 +116,9 @@ fn points_of(panel: &Panel) -> impl Iterator<Item = &Point> {
     panel.lines.iter().flat_map(circles)
 }
 
-/// The corner with the fewest points, for the legend.
+/// The corner with the fewest points, where the legend goes.
 fn emptiest_corner(panel: &Panel, across: &Range<f64>, up: &Range<f64>) -> SeriesLabelPosition {
-    /// How much of the panel a legend covers, along each axis.
+    /// Share of the panel that a legend covers, along each axis.
     const SHARE: f64 = 0.35;
     let share =
         |value: f64, range: &Range<f64>| (value.max(range.start) / range.start).ln() / (range.end / range.start).ln();
@@ -136,7 +136,7 @@ fn emptiest_corner(panel: &Panel, across: &Range<f64>, up: &Range<f64>) -> Serie
     emptiest.map_or(SeriesLabelPosition::UpperRight, |(corner, ..)| corner)
 }
 
-/// The range of the x axis, with some room on both sides.
+/// The range of the x axis, with a margin on both sides.
 fn across(panel: &Panel) -> Range<f64> {
     const ROOM: f64 = 1.25;
     let positive = || points_of(panel).map(|point| point.x).filter(|&x| x > 0.0 && x.is_finite());
@@ -146,7 +146,7 @@ fn across(panel: &Panel) -> Range<f64> {
     }
 }
 
-/// The range of the y axis: whole decades around what is above 0, and one more below if something is not.
+/// The range of the y axis: whole decades around the values above 0, and one more below if there are others.
 fn up(panel: &Panel) -> Range<f64> {
     let positive = || points_of(panel).map(|point| point.y).filter(|&y| y > 0.0 && y.is_finite());
     let (Some(lo), Some(hi)) = (positive().reduce(f64::min), positive().reduce(f64::max)) else { return 1e-9..1e-8 };
@@ -174,7 +174,7 @@ mod tests {
         Chart { x, y: "y [1]".to_owned(), panels: panels.iter().map(panel).collect() }
     }
 
-    /// Elements of a document that is well-formed, by name, and its text.
+    /// Element names and text of an SVG, which must be well-formed.
     fn read(svg: &str) -> (Vec<String>, String) {
         let mut reader = Reader::from_str(svg);
         let (mut names, mut text, mut depth) = (Vec::new(), String::new(), 0);

@@ -1,17 +1,17 @@
 //! Ticks of logarithmic axes.
 
-/// Most labels that an axis takes.
+/// Maximum number of labels of an axis.
 const MOST: i32 = 12;
 
-/// Decades of which 2 and 5 have ticks, too.
+/// Up to this number of decades, ticks include 2 and 5.
 const FEW: i32 = 3;
 
-/// Powers of ten in `lo..=hi` (both positive), every one or every so many; where they are few, their two- and fivefold as well.
+/// Powers of ten in `lo..=hi` (both positive), all or every n-th; over few decades their two- and fivefold as well.
 pub(super) fn log_ticks(lo: f64, hi: f64) -> Vec<f64> {
     let (first, last) = (exponent(lo, f64::floor), exponent(hi, f64::ceil));
     let every = ((last - first) / MOST + 1) as usize;
     let steps: &[f64] = if last - first <= FEW { &[1.0, 2.0, 5.0] } else { &[1.0] };
-    // Ends that are round themselves may be a rounding away.
+    // Round ends may be off by rounding.
     let is_inside = |tick: &f64| (lo * (1.0 - 1e-9)..=hi * (1.0 + 1e-9)).contains(tick);
     let powers = (first..=last).step_by(every);
     powers.flat_map(|e| steps.iter().map(move |step| step * power_of_ten(e))).filter(is_inside).collect()
@@ -20,16 +20,16 @@ pub(super) fn log_ticks(lo: f64, hi: f64) -> Vec<f64> {
 /// The nearest power of ten below (with `floor`) or above (`ceil`).
 pub(super) fn exponent(value: f64, round: fn(f64) -> f64) -> i32 {
     let log = value.log10();
-    // The logarithm of a power of ten may be a rounding away from a whole number.
+    // The logarithm of a power of ten may be off a whole number by rounding.
     if (log - log.round()).abs() < 1e-9 { log.round() as i32 } else { round(log) as i32 }
 }
 
-/// Ten to a power, rounded once: what is written as `1e-7`.
+/// A power of ten, rounded once, as written by `1e-7`.
 pub(super) fn power_of_ten(exponent: i32) -> f64 {
     format!("1e{exponent}").parse().unwrap_or(f64::NAN)
 }
 
-/// A number as short as it can be told from its neighbours.
+/// The shortest distinct form of a number.
 pub(super) fn label(value: f64) -> String {
     if (1e-3..1e5).contains(&value) || value == 0.0 { format!("{value}") } else { format!("{value:e}") }
 }

@@ -1,4 +1,4 @@
-//! How an EXR is stored, and its blocks compressed on the threads of the caller's pool.
+//! Encoding of an EXR, with its blocks compressed on the threads of the caller's pool.
 
 use super::ExrColor;
 use crate::words::words;
@@ -12,14 +12,14 @@ use rayon::prelude::*;
 use std::io::Cursor;
 use std::str::FromStr;
 
-/// How an EXR is stored.
+/// Encoding of an EXR.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ExrEncoding {
-    /// What its colours are.
+    /// Colour space.
     pub color: ExrColor,
-    /// The numbers of R, G, B and A. Depths and normals are 32-bit floats in any case.
+    /// Number format of R, G, B and A. Depths and normals are always 32-bit floats.
     pub depth: ExrDepth,
-    /// How blocks of scan lines are compressed, without loss.
+    /// Lossless compression of blocks of scan lines.
     pub compression: ExrCompression,
 }
 
@@ -29,12 +29,12 @@ impl From<ExrColor> for ExrEncoding {
     }
 }
 
-/// The numbers of colours and opacities in an EXR.
+/// Number format of colours and opacities in an EXR.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ExrDepth {
-    /// 16 bits: 11 digits of a number, up to 65504.
+    /// 16-bit floats: 11 significant bits, up to 65504.
     Half,
-    /// 32 bits.
+    /// 32-bit floats.
     #[default]
     Float,
 }
@@ -51,24 +51,24 @@ impl FromStr for ExrDepth {
     }
 }
 
-/// How blocks of an EXR are compressed; all are without loss.
+/// Compression of an EXR's blocks; all are lossless.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ExrCompression {
-    /// Deflate, 16 lines a block.
+    /// Deflate, 16 lines per block.
     #[default]
     Zip,
-    /// Wavelets, 32 lines a block: small files of grainy images.
+    /// Wavelets, 32 lines per block: small files of grainy images.
     Piz,
-    /// Runs of equal bytes, a line a block: fast.
+    /// Run-length encoding of bytes, one line per block: fast.
     Rle,
-    /// Not at all.
+    /// Uncompressed.
     None,
 }
 
 words!(ExrCompression, "an EXR has no compression", ["zip" = Zip, "piz" = Piz, "rle" = Rle, "none" = None]);
 
 impl ExrCompression {
-    /// The library's word for it.
+    /// The library's equivalent.
     pub(super) fn of_library(self) -> Compression {
         match self {
             Self::Zip => Compression::ZIP16,
@@ -79,8 +79,8 @@ impl ExrCompression {
     }
 }
 
-/// The bytes of a file. The library's own parallel writer starts a pool, which would not heed the number of threads that the user asked for;
-/// blocks are in the order of their lines, whatever thread was the first.
+/// Serialises a file. The library's own parallel writer starts a pool, which would ignore the user's number of threads; blocks are in line
+/// order, whichever thread finishes first.
 pub(super) fn bytes_of(image: &Image<Layer<AnyChannels<FlatSamples>>>) -> ExrResult<Vec<u8>> {
     let mut bytes = Vec::new();
     let headers = image.layer_data.infer_headers(&image.attributes);

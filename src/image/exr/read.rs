@@ -1,4 +1,4 @@
-//! Reading EXR files, our own and other programs'.
+//! Reads EXR files, our own and those of other programs.
 
 use super::{
     COLOR, ExrAttributes, ExrColor, ExrImage, ExrValue, ID, NORMAL, SAVE_AS, SOFTWARE, accumulators, file_error,
@@ -14,14 +14,14 @@ use ::exr::meta::header::{Header, LayerAttributes};
 use std::io::BufReader;
 use std::path::Path;
 
-/// Reads the first part of an EXR: channels R, G and B (or Y, grey) of halfs, floats or integers, A (1 if there is none),
-/// Z, N.X to N.Z and id. Whole images only: the data window must be the display window.
+/// Reads the first part of an EXR: channels R, G and B (or Y, grey) of halfs, floats or integers, A (1 if missing), Z, N.X to N.Z and id.
+/// Whole images only: the data window must be the display window.
 ///
-/// Colours become accumulators: those of a file of [`ExrColor::Raw`] as they are, all others by sRGB's curve.
+/// Colours become accumulators: [`ExrColor::Raw`] ones unchanged, all others by sRGB's curve.
 ///
 /// # Errors
-/// If the file cannot be opened, is no EXR, is damaged, has no colour, or has something not handled (deep data, subsampled
-/// channels, cropped or overscanned images).
+/// If the file cannot be opened, is no EXR, is damaged, has no colour, or needs an unsupported feature (deep data, subsampled channels,
+/// cropped or overscanned images).
 pub fn read_exr(path: &Path) -> FileResult<ExrImage> {
     let file = std::fs::File::open(path).map_err(|e| FileError::io(path, "open", &e))?;
     let file_bytes = file.metadata().map_err(|e| FileError::io(path, "open", &e))?.len();
@@ -36,7 +36,7 @@ pub fn read_exr(path: &Path) -> FileResult<ExrImage> {
         .first_valid_layer()
         .all_attributes()
         .non_parallel()
-        // Of two chunks at one place the other is missing.
+        // Two chunks at one position mean that another is missing.
         .pedantic()
         .from_chunks(chunks)
         .map_err(|e| file_error(path, e))?;
@@ -64,25 +64,25 @@ pub fn read_exr(path: &Path) -> FileResult<ExrImage> {
     };
     let id = match channel(channels, ID) {
         Some(FlatSamples::U32(pixels)) => Plane { width, height, pixels: pixels.clone() },
-        // Another program's, of another meaning.
+        // Another program's channel, with another meaning.
         _ => Plane::default(),
     };
     Ok(ExrImage { planes: Planes { color, depth, normal, id }, stored, attributes })
 }
 
-/// No block is longer than this times its compressed size, whatever small blocks may cost besides: the bound of deflate.
+/// Maximum expansion of a block by decompression, small blocks aside: the bound of deflate.
 const MOST_EXPANSION: u64 = 1032;
-/// Images up to this size may promise anything: memory for them is no harm. 4096 x 4096 pixels of four floats.
+/// Images up to this size are allocated unchecked: 4096 x 4096 pixels of four floats.
 const HARMLESS_BYTES: u64 = 1 << 28;
 
-/// Whether a header describes an image that we read and the file may hold, before memory is taken for it.
+/// Checks before allocation that a header describes a supported image that fits in the file.
 pub(super) fn check_header(path: &Path, header: &Header, file_bytes: u64) -> FileResult<()> {
     let Vec2(width, height) = header.layer_size;
-    // No sample has more than four bytes.
+    // A sample has at most four bytes.
     let samples = [height, header.channels.list.len(), 4];
     let bytes = samples.iter().try_fold(width as u64, |product, &n| product.checked_mul(n as u64));
     let most = file_bytes.saturating_mul(MOST_EXPANSION).saturating_add(HARMLESS_BYTES);
-    // The table of blocks has eight bytes for each.
+    // The block table has eight bytes per block.
     if bytes.is_none_or(|bytes| bytes > most) || header.chunk_count as u64 > file_bytes / 8 {
         let promise = format!("promises {width} x {height} pixels in {file_bytes} bytes");
         return Err(FileError::invalid(path, "header", promise).remedy("is it a whole EXR file?"));
@@ -133,7 +133,7 @@ fn color_of(path: &Path, channels: &AnyChannels<FlatSamples>, width: usize, heig
     Ok(color)
 }
 
-/// Texts and numbers that are no part of the standard, and `software`.
+/// All text and number attributes outside of the standard, and `software`.
 fn attributes(layer: &LayerAttributes) -> ExrAttributes {
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     let value = |value: &AttributeValue| match value {

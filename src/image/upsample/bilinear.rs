@@ -1,15 +1,15 @@
-//! Between the four samples around a pixel.
+//! Bilinear interpolation between samples.
 
 use super::Enlarging;
 use crate::image::RgbaImage;
 use rayon::prelude::*;
 
-/// The image at another size through the same camera, whose image height is the same: [`bilinear`].
+/// The image resized by [`bilinear`], for the same camera and an equal height of the view.
 pub fn enlarged(image: &RgbaImage, width: usize, height: usize) -> RgbaImage {
     bilinear(image, &Enlarging::between((image.width, image.height), (width, height)))
 }
 
-/// The image at full size, bilinear between samples, which lie where they did in the scene. Beyond the outermost samples the image holds on.
+/// The image at full size, bilinear between samples at their positions in the scene. Edges are replicated.
 pub fn bilinear(image: &RgbaImage, enlarging: &Enlarging) -> RgbaImage {
     let (width, height) = enlarging.full;
     let mut out = RgbaImage::new(width, height);

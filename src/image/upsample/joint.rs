@@ -4,16 +4,16 @@
 //! S_p = 1 / k_p  sum over q in Omega of  I_q f(|p - q|) g(|R_p - R_q|)      k_p: the sum of the weights f g
 //! f(D) = exp(-D^2 / (2 (Omega / 2)^2))      g(D) = exp(-D^2 / (2 sigma^2))
 //! ```
-//! p, q are pixels of the full image, I the small image at full size (bilinear), R a reference at full size, and Omega the pixels that are no
-//! further than Omega / 2 from p in each direction. At the image's border Omega is cropped. p itself has the weight 1: k_p is not less.
+//! p, q are pixels of the full image, I the small image at full size (bilinear), R a reference at full size, and Omega the pixels within
+//! Omega / 2 of p in each direction, cropped at the image's border. p itself has the weight 1, so k_p >= 1.
 //!
 //! What the print leaves open: eq. 4.2 and 4.3 swap I and R; here, as in the text on 4.3, I is small and R is of full size. Eq. 4.3 sums over
 //! q_1, perhaps q of the small image; here q is of full size, as Omega is. f takes distances in the small image while Omega is in pixels of the
 //! full one, literally a filter that is almost flat; here both are of the full one. The "RMS" of figure 4.4 has no definition.
 //!
-//! Sixteen pixels p are worked on side by side, with q at the same offset from each. The planes lie apart, with a margin in which the colour and a
-//! plane that counts (1 within the image) are 0: nothing asks where the border is. Weights of f are a table by offset; g is a
-//! polynomial, right to 2e-7, and not below 2^-126. Sums are made row by row of Omega, and then over rows, in the same order for any thread count.
+//! Sixteen pixels p are processed side by side, with q at the same offset from each. The planes are separate, with a margin in which the
+//! colour and a coverage plane (1 within the image) are 0, so that no border tests are needed. f is a table by offset; g is a polynomial,
+//! accurate to 2e-7, and not below 2^-126. Sums run over the rows of Omega, in the same order for any thread count.
 
 use super::{Reference, log2_per_square};
 use crate::image::RgbaImage;
@@ -23,13 +23,13 @@ use rayon::prelude::*;
 /// Size of Omega and width of g.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointKernel {
-    /// Omega, pixels: of an even number one more pixel than that in each direction. At least 1.
+    /// Omega, pixels; an even number is rounded up to the next odd one. At least 1.
     pub kernel_px: usize,
-    /// sigma of g, in units of the reference. Above 0; infinite: the reference counts for nothing.
+    /// sigma of g, in units of the reference. Above 0; infinite: the reference is ignored.
     pub sigma_reference: f64,
 }
 
-/// The greatest Omega, pixels.
+/// Maximum of Omega, pixels.
 pub const MAX_KERNEL_PX: usize = 64;
 
 impl JointKernel {
@@ -39,21 +39,21 @@ impl JointKernel {
         is_good.then_some(Self { kernel_px, sigma_reference })
     }
 
-    /// The kernel of section 4.1.3 for an image of a pixel for `factor` x `factor`: 2 `factor` pixels, 8 for `factor` 1; sigma 0.01.
+    /// The kernel of section 4.1.3 for a sample per `factor` x `factor` pixels: 2 `factor` pixels, 8 for `factor` 1; sigma 0.01.
     pub fn of_factor(factor: usize) -> Self {
         let kernel_px = if factor <= 1 { 8 } else { factor.saturating_mul(2).min(MAX_KERNEL_PX) };
         Self { kernel_px, sigma_reference: 0.01 }
     }
 }
 
-/// Pixels side by side.
+/// Number of pixels processed side by side.
 const SIDE_BY_SIDE: usize = 16;
 type Lanes = [f32; SIDE_BY_SIDE];
 
-/// Planes of the filter: four of colour, one that counts, three of the reference.
+/// Number of planes: four of colour, one of coverage, three of the reference.
 const PLANES: usize = 8;
 
-/// The image, as large as its reference, filtered; `None` if `cancel` is raised.
+/// Filters the image to the size of its reference; `None` if `cancel` is raised.
 pub fn joint(image: &RgbaImage, reference: &Reference, kernel: JointKernel, cancel: &Cancel) -> Option<RgbaImage> {
     let mut out = RgbaImage::new(image.width, image.height);
     if image.pixels.is_empty() {
@@ -70,7 +70,7 @@ pub fn joint(image: &RgbaImage, reference: &Reference, kernel: JointKernel, canc
     (!cancel.is_cancelled()).then_some(out)
 }
 
-/// f by distance in columns and rows, for a quarter of Omega: `half + 1` to a row.
+/// Weights f by distance in columns and rows, for a quarter of Omega: `half + 1` per row.
 fn domain_weights(kernel_px: usize) -> Vec<f32> {
     let (half, sigma) = (kernel_px / 2, 0.5 * kernel_px as f64);
     let weight = |i: usize| {
@@ -110,14 +110,14 @@ impl Padded {
         Self { half, width, planes }
     }
 
-    /// Pixels side by side of a plane.
+    /// Loads adjacent pixels of a plane.
     #[inline(always)]
     fn lanes(&self, plane: usize, at: usize) -> &Lanes {
         self.planes[plane][at..].first_chunk().unwrap_or(&[0.0; SIDE_BY_SIDE])
     }
 }
 
-/// A row of the image to be made.
+/// A row of the result.
 struct FilterRow<'a> {
     padded: &'a Padded,
     domain: &'a [f32],
@@ -141,7 +141,7 @@ impl pulp::NullaryFnOnce for FilterRow<'_> {
     }
 }
 
-/// Weighted sums of the colours, and of the weights, for pixels side by side from `column` on.
+/// Weighted sums of the colours, and of the weights, for adjacent pixels from `column` on.
 #[inline(always)]
 fn filtered(padded: &Padded, domain: &[f32], per_square: f32, row: usize, column: usize) -> [Lanes; 5] {
     let Padded { half, width, .. } = *padded;
@@ -175,11 +175,11 @@ fn filtered(padded: &Padded, domain: &[f32], per_square: f32, row: usize, column
     sums
 }
 
-/// 2^t of t <= 0, but not below 2^-126: 2^n (n the nearest integer) times the series of exp(ln 2 (t - n)) up to the sixth power, of which
-/// what is left out is below 1.3e-7.
+/// 2^t of t <= 0, but not below 2^-126: 2^n (n the nearest integer) times the series of exp(ln 2 (t - n)) up to the sixth power, with a
+/// remainder below 1.3e-7.
 #[inline(always)]
 pub(super) fn exp2_of_negative(t: f32) -> f32 {
-    /// Numbers near it have integers as neighbours, and these in their last bits.
+    /// Numbers near this have a spacing of 1, with the integer in their last bits.
     const ROUNDING: f32 = 12_582_912.0;
     let t = if t > -126.0 { t } else { -126.0 };
     let rounded = t + ROUNDING;

@@ -1,21 +1,21 @@
-//! Bilinear interpolation between those of the four samples around a pixel at which a reference has nearly the same value.
+//! Bilinear interpolation between those of the four surrounding samples whose reference value is nearly that of the pixel.
 //!
 //! ```text
 //! S_p = 1 / k_p  sum over the four samples s of  I_s b_s(p) g(|R_p - R_s|)      b: the weights of bilinear interpolation
 //! ```
-//! with g as the joint filter has it (`joint.rs`) and R_s found at the place of the sample. All four may lie across an edge: where the sum
-//! of the weights is below [`LEAST_SUM`], the pixel is that of bilinear interpolation.
+//! with g as in the joint filter (`joint.rs`) and R_s the reference at the sample. If all four lie across an edge, so that the sum of the
+//! weights is below [`LEAST_SUM`], the pixel is interpolated bilinearly.
 
 use super::joint::exp2_of_negative;
 use super::{Enlarging, Reference, log2_per_square};
 use crate::image::RgbaImage;
 use rayon::prelude::*;
 
-/// The least sum of weights; below that none of the samples counts.
+/// Minimum sum of weights; below it all samples are ignored.
 pub const LEAST_SUM: f32 = 1e-6;
 
-/// The image at full size, and how many pixels fell back to bilinear interpolation. `references`: at the pixels of the full image, and at
-/// the samples. `sigma_reference`: of g, above 0.
+/// The image at full size, and the number of pixels that fell back to bilinear interpolation. `references`: at the pixels of the full
+/// image, and at the samples. `sigma_reference`: sigma of g, above 0.
 pub fn joint2x2(
     image: &RgbaImage,
     enlarging: &Enlarging,
@@ -25,7 +25,7 @@ pub fn joint2x2(
     joint2x2_above(LEAST_SUM, image, enlarging, references, sigma_reference)
 }
 
-/// The same with another least sum of weights.
+/// [`joint2x2`] with another minimum sum of weights.
 pub(crate) fn joint2x2_above(
     least_sum: f32,
     image: &RgbaImage,
@@ -64,7 +64,7 @@ pub(crate) fn joint2x2_above(
     (out, fell_back)
 }
 
-/// g of two values of the reference.
+/// g of two reference values.
 #[inline(always)]
 fn alike(a: &[f32; 3], b: &[f32; 3], per_square: f32) -> f32 {
     let [x, y, z] = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];

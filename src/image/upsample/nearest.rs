@@ -1,9 +1,9 @@
-//! The nearest sample.
+//! Nearest-neighbour upsampling.
 
 use super::{Enlarging, Plane};
 use rayon::prelude::*;
 
-/// Each pixel with the value of the nearest sample; the right or the lower one of two.
+/// Each pixel with the value of the nearest sample; the right or lower one of two equally near.
 pub fn nearest<P: Copy + Send + Sync>(plane: &Plane<P>, enlarging: &Enlarging) -> Plane<P> {
     let (width, height) = enlarging.full;
     let Some(&any) = plane.pixels.first().filter(|_| !enlarging.is_empty()) else {

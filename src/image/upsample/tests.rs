@@ -2,7 +2,7 @@ use super::*;
 use crate::image::RgbaImage;
 use crate::task::Cancel;
 
-/// An image whose channels are linear in the place, as a share of the height from the middle.
+/// An image whose channels are linear in the position, as a share of the height from the centre.
 fn ramp(width: usize, height: usize) -> RgbaImage {
     let mut image = RgbaImage::new(width, height);
     for (i, pixel) in image.pixels.iter_mut().enumerate() {
@@ -13,7 +13,7 @@ fn ramp(width: usize, height: usize) -> RgbaImage {
     image
 }
 
-/// Numbers of 0 to 1 that look like chance.
+/// Pseudo-random numbers of 0 to 1.
 fn noise(seed: usize) -> impl Fn(usize) -> f32 {
     move |i| {
         let mixed = (i + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(seed.wrapping_mul(0xD1B5_4A32_D192_ED03));
@@ -27,7 +27,7 @@ fn noisy(width: usize, height: usize, seed: usize) -> RgbaImage {
     RgbaImage { width, height, pixels: (0..width * height).map(pixel).collect() }
 }
 
-/// Layers that vary by about sigma from pixel to pixel, one of them missing (2) here and there.
+/// Depths that vary by about sigma from pixel to pixel, with one missing (2) here and there.
 fn depths(width: usize, height: usize, seed: usize) -> Reference {
     let value = noise(seed);
     let pixel = |i: usize| {
@@ -43,7 +43,7 @@ fn largest_difference(a: &RgbaImage, b: &RgbaImage) -> f32 {
     pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
-/// Eq. 4.3 as it stands, in f64.
+/// Oracle: eq. 4.3, in f64.
 fn naive(image: &RgbaImage, reference: &Reference, kernel: JointKernel) -> RgbaImage {
     let JointKernel { kernel_px, sigma_reference } = kernel;
     let gauss = |square: f64, sigma: f64| (-square / (2.0 * sigma * sigma)).exp();
@@ -79,7 +79,7 @@ fn what_is_linear_in_the_scene_stays_where_it_is_at_any_size() {
         let factor = full.1.div_ceil(small.1);
         let mut worst = 0.0_f32;
         for (i, (a, b)) in large.pixels.iter().zip(&to.pixels).enumerate() {
-            // Beyond the outermost centres the image holds on.
+            // Edges are replicated beyond the outermost centres.
             let (x, y) = (i % full.0, i / full.0);
             if x >= factor && x + factor < full.0 && y >= factor && y + factor < full.1 {
                 worst = a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(worst, f32::max);
@@ -123,7 +123,7 @@ fn a_small_image_covers_the_full_one_around_the_same_middle_and_pixels_have_thei
             let large = nearest(&numbered, &enlarging);
             assert_eq!((large.width, large.height, large.pixels.len()), (full.0, full.1, full.0 * full.1));
             for (i, sample) in large.pixels.iter().enumerate() {
-                // In halves of a pixel from the middle of the full image, which are integers.
+                // Integers, in halves of a pixel from the centre of the full image.
                 let away = |pixel: usize, of: usize| (2 * pixel + 1) as i64 - of as i64;
                 let of_sample = |at: usize, of: usize| factor as i64 * away(at, of);
                 let x = (away(i % full.0, full.0) - of_sample(sample % width, width)).abs();
@@ -172,7 +172,7 @@ fn without_a_reference_that_says_something_the_joint_filter_is_gaussian() {
 
 #[test]
 fn no_weight_crosses_a_step_of_the_reference() {
-    // 1e12 beyond the step, 0 before it: what gets over is the weight.
+    // 1e12 after the step, 0 before it: the result there is the weight.
     let (width, height, sigma) = (40, 12, 0.01);
     let is_beyond = |i: usize| i % width >= 17;
     let pixel = |i| if is_beyond(i) { [1e12; 4] } else { [0.0; 4] };
@@ -226,7 +226,7 @@ fn joint2x2_is_bilinear_where_the_reference_is_flat_and_where_all_samples_lie_ac
 fn joint2x2_takes_samples_of_its_own_side_of_an_edge_alone() {
     let (full, small) = ((12, 8), (6, 4));
     let enlarging = Enlarging::by(2, full);
-    // The edge lies at the fifth column of pixels, between samples 1 and 2.
+    // The edge lies at the fifth column, between samples 1 and 2.
     let side = |is_right: bool| if is_right { 1.0 } else { 0.0 };
     let pixels = |width: usize, height: usize, edge: f32, per: f32| {
         (0..width * height).map(move |i| side(((i % width) as f32 + 0.5) * per > edge)).collect::<Vec<f32>>()
@@ -259,7 +259,7 @@ fn a_filter_that_nobody_waits_for_gives_nothing_and_threads_change_no_bit() {
     assert_eq!(with(1), with(3));
 }
 
-/// The mean of four samples by bilinear weights and g, in f64; `None` where the weights vanish.
+/// Oracle: the mean of four samples by bilinear weights and g, in f64; `None` if the weights vanish.
 fn naive_joint2x2(
     image: &RgbaImage,
     factor: usize,
@@ -268,7 +268,7 @@ fn naive_joint2x2(
     pixel: usize,
 ) -> Option<[f64; 4]> {
     let full = (at_pixels.width, at_pixels.height);
-    // In samples from the left end of the small image, in whose middle the full one lies.
+    // In samples from the left end of the small image, which has the same centre as the full one.
     let place = |i: usize, full: usize, small: usize| {
         (i as f64 + 0.5 + (small * factor) as f64 / 2.0 - full as f64 / 2.0) / factor as f64
     };
@@ -317,7 +317,7 @@ fn a_large_image_is_filtered_at_its_border_as_inside() {
     let (full, kernel) = ((1023, 767), JointKernel::of_factor(2));
     let (image, reference) = (noisy(full.0, full.1, 1), depths(full.0, full.1, 2));
     let fast = filtered(&image, &reference, kernel);
-    // A corner, an edge and the middle, each with more around it than the kernel reaches.
+    // Crops at a corner, an edge and the centre, larger than the kernel.
     for (x, y) in [(0, 0), (1013, 757), (500, 0), (0, 400), (511, 383)] {
         let cut = |i: usize| (y + i / 10) * full.0 + x + i % 10;
         let image = RgbaImage { width: 10, height: 10, pixels: (0..100).map(|i| image.pixels[cut(i)]).collect() };
