@@ -204,10 +204,10 @@ mod tests {
     use super::*;
 
     /// Steps decoded, in order, by a cache of a fake series.
-    fn decoded_for(moments: &[FrameTime]) -> Vec<usize> {
+    fn decoded_for(times: &[FrameTime]) -> Vec<usize> {
         let (series, log) = test_series::logged(8);
         let mut cache = StepCache::default();
-        for &time in moments {
+        for &time in times {
             let mut stats = FrameStats::default();
             let shown = cache.show(&series, time, None, &Cancel::new(), &mut stats).unwrap().unwrap();
             let expected = time.mix(time.step() as f64, |next| next as f64) as f32;

@@ -308,8 +308,8 @@ impl Player {
     /// Tells the pipeline which steps to read ahead.
     fn expect(&self) {
         let present = self.clock.state().frame;
-        let moments = present.into_iter().chain(self.clock.upcoming(EXPECTED));
-        let steps = moments.flat_map(|time| [Some(time.step()), time.toward().map(|(next, _)| next)]);
+        let times = present.into_iter().chain(self.clock.upcoming(EXPECTED));
+        let steps = times.flat_map(|time| [Some(time.step()), time.toward().map(|(next, _)| next)]);
         self.pipelined.expect(&steps.flatten().collect::<Vec<usize>>());
     }
 }

@@ -114,8 +114,8 @@ impl Plan {
 
     /// The steps that `count` frames from frame `first` on use, in order.
     pub fn steps_from(&self, first: usize, count: usize) -> Vec<usize> {
-        let moments = self.frames.iter().skip(first).take(count).map(|frame| frame.time);
-        moments.flat_map(|time| [Some(time.step()), time.toward().map(|(next, _)| next)]).flatten().collect()
+        let times = self.frames.iter().skip(first).take(count).map(|frame| frame.time);
+        times.flat_map(|time| [Some(time.step()), time.toward().map(|(next, _)| next)]).flatten().collect()
     }
 }
 
