@@ -7,7 +7,7 @@ use std::fmt::{Debug, Display};
 use std::sync::Arc;
 
 /// All codecs, the default one first. Help and messages list them from here.
-pub static CODECS: [&Codec; 2] = [&raw::CODEC, &vq::CODEC];
+pub static CODECS: &[&Codec] = &[&raw::CODEC, &vq::CODEC];
 
 /// Name and value of an option.
 pub type OptionText<'a> = (&'a str, &'a str);
@@ -39,7 +39,7 @@ pub struct Codec {
 
 /// The codec called `name`.
 pub fn codec_of(name: &str) -> Option<&'static Codec> {
-    CODECS.into_iter().find(|codec| codec.name == name)
+    CODECS.iter().copied().find(|codec| codec.name == name)
 }
 
 /// A codec with its options, as chosen by a user.
