@@ -4,7 +4,7 @@
 //! keys     depth of every id, chunk by chunk; how many ids of the chunk are in each bucket of equal depth
 //! scan     where the ids of (bucket, chunk) go: ascending by bucket, then by chunk
 //! scatter  each chunk moves its ids and keys, in their order
-//! buckets  each is sorted by the bits in which its keys differ, 8 at a time, the lowest first
+//! buckets  each is sorted by the bits in which its keys differ, 9 at a time, the lowest first
 //! ```
 //! A radix sort whose first digit is the most significant one and not a group of bits (Knuth, *The Art of Computer Programming* 3, 5.2.5).
 //! It is stable because chunks and buckets keep the order of their ids; it does not depend on the number of threads because chunks have a
