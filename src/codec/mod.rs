@@ -33,7 +33,7 @@ pub use chunk::{
 };
 pub use magnitude::{magnitude, magnitude_unless};
 pub use quality::{ErrorTally, OverSigma, Quality};
-pub use registry::{CODECS, Codec, CodecChoice, Coding, Encoding, PaperSize, StoredValues, codec_of};
+pub use registry::{CODECS, Codec, CodecChoice, Coding, Encoding, OptionText, PaperSize, StoredValues, codec_of};
 pub use stop::Stop;
 
 use crate::error::FileResult;

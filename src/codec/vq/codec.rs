@@ -3,7 +3,8 @@
 use super::layout::{MAX_ENTRIES, NAME, VqParameters, paper_bytes};
 use super::{STEPS, VqDecoder, VqEncoder, VqOptions};
 use crate::codec::{
-    ArraySpec, BlockCache, Codec, CodecChoice, Coding, Decoder, Encoder, Encoding, ErrorTally, PaperSize, StoredValues,
+    ArraySpec, BlockCache, Codec, CodecChoice, Coding, Decoder, Encoder, Encoding, ErrorTally, OptionText, PaperSize,
+    StoredValues,
 };
 use crate::error::{FileError, FileResult};
 use std::fmt;
@@ -20,7 +21,7 @@ pub static CODEC: Codec = Codec {
     coding: |parameters| Ok(Arc::new(VqParameters::read(parameters)?)),
 };
 
-fn choose(options: &[(&str, &str)]) -> Result<CodecChoice, String> {
+fn choose(options: &[OptionText<'_>]) -> Result<CodecChoice, String> {
     let mut chosen = VqOptions::default();
     for (name, value) in options {
         match *name {
