@@ -78,6 +78,24 @@ impl Wanted<'_> {
     }
 }
 
+/// A step to be decoded, and what of it.
+#[derive(Clone, Copy, Debug)]
+pub struct StepRequest<'a> {
+    /// The step.
+    pub step: usize,
+    /// The vertices that are needed; `None` for all.
+    pub wanted: Option<Wanted<'a>>,
+    /// Ends the decoding when it is raised.
+    pub cancel: &'a Cancel,
+}
+
+impl<'a> StepRequest<'a> {
+    /// A request for all vertices of a step.
+    pub fn whole(step: usize, cancel: &'a Cancel) -> Self {
+        Self { step, wanted: None, cancel }
+    }
+}
+
 /// Receives the finished chunks of an encoder.
 pub trait ChunkSink {
     /// Stores `payload` (without its checksum) under `key`, as made by [`chunk_key`].
@@ -124,21 +142,15 @@ pub trait Encoder: Send {
 
 /// Decodes any step of one field, from several threads at once.
 pub trait Decoder: Send + Sync {
-    /// Decodes `step` into `out`, one value per vertex, unless `cancel` is raised: `None` then, within a few milliseconds, and `out` is
-    /// unspecified. With `wanted`, only wanted vertices need to be decoded; the others are unspecified.
+    /// Decodes a step into `out`, one value per vertex, unless it is cancelled: `None` then, within a few milliseconds, and `out` is
+    /// unspecified. Only wanted vertices need to be decoded; the others are unspecified.
     ///
     /// # Errors
     /// If a chunk is missing, cut or damaged; the error names the file and the step. `out` is unspecified then.
     ///
     /// # Panics
     /// If the length of `out` is not the number of vertices, or there is not one flag for each chunk.
-    fn decode_step_unless(
-        &self,
-        step: usize,
-        wanted: Option<Wanted<'_>>,
-        out: &mut [f32],
-        cancel: &Cancel,
-    ) -> FileResult<Option<DecodeStats>>;
+    fn decode_step_unless(&self, request: StepRequest<'_>, out: &mut [f32]) -> FileResult<Option<DecodeStats>>;
 
     /// Decodes the whole step, without cancellation.
     ///
@@ -148,7 +160,9 @@ pub trait Decoder: Send + Sync {
     /// # Panics
     /// As [`Decoder::decode_step_unless`].
     fn decode_step(&self, step: usize, out: &mut [f32]) -> FileResult<DecodeStats> {
-        stop::uncancelled(|cancel| self.decode_step_unless(step, None, out, cancel)?.ok_or(Stop::Cancelled))
+        stop::uncancelled(|cancel| {
+            self.decode_step_unless(StepRequest::whole(step, cancel), out)?.ok_or(Stop::Cancelled)
+        })
     }
 
     /// The block of codec `vq` that contains `step`, for a decoder on another processor; `None` from other codecs.

@@ -4,7 +4,7 @@ use super::blocks::{Block, BlockCache, BlockKey, BlockLoader, DecoderId, LoadedB
 use super::stop::{go_on, unless_cancelled};
 use super::{
     ArraySpec, ChunkSink, Chunking, Codec, CodecChoice, Coding, DecodeStats, Decoder, ElementType, Encoded, Encoder,
-    Encoding, ErrorTally, PaperSize, ReadRange, Stop, StoredValues, Wanted, chunk_key, parse_chunk_key,
+    Encoding, ErrorTally, PaperSize, ReadRange, StepRequest, Stop, StoredValues, chunk_key, parse_chunk_key,
     read_chunk_unless, read_rows_unless, to_bytes,
 };
 use crate::error::{FileError, FileResult};
@@ -164,13 +164,8 @@ impl RawDecoder {
         self
     }
 
-    fn decode(
-        &self,
-        step: usize,
-        wanted: Option<Wanted<'_>>,
-        out: &mut [f32],
-        cancel: &Cancel,
-    ) -> Result<DecodeStats, Stop> {
+    fn decode(&self, request: StepRequest<'_>, out: &mut [f32]) -> Result<DecodeStats, Stop> {
+        let StepRequest { step, wanted, cancel } = request;
         let vertices_decoded = out.len() as u64;
         if step >= self.steps {
             let problem = format!("there are {} steps, counted from 0", self.steps);
@@ -233,15 +228,9 @@ impl BlockLoader for RawDecoder {
 
 impl Decoder for RawDecoder {
     /// Reads a step as a whole if it comes from its file: the checksum is over all of it.
-    fn decode_step_unless(
-        &self,
-        step: usize,
-        wanted: Option<Wanted<'_>>,
-        out: &mut [f32],
-        cancel: &Cancel,
-    ) -> FileResult<Option<DecodeStats>> {
+    fn decode_step_unless(&self, request: StepRequest<'_>, out: &mut [f32]) -> FileResult<Option<DecodeStats>> {
         assert_eq!(out.len(), self.vertices, "one value per vertex");
-        unless_cancelled(self.decode(step, wanted, out, cancel))
+        unless_cancelled(self.decode(request, out))
     }
 
     fn blocks(&self) -> Option<&dyn BlockLoader> {

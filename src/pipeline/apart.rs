@@ -5,7 +5,7 @@
 
 use super::series::{Series, StepSource};
 use crate::codec::vq::VqBlock;
-use crate::codec::{BlockCache, DecodeStats, Wanted};
+use crate::codec::{BlockCache, DecodeStats, StepRequest};
 use crate::error::FileResult;
 use crate::histograms::Histogram;
 use crate::lod::Interval;
@@ -28,14 +28,8 @@ impl Apart {
 }
 
 impl StepSource for Apart {
-    fn decode_step(
-        &self,
-        step: usize,
-        wanted: Option<Wanted<'_>>,
-        out: &mut [f32],
-        cancel: &Cancel,
-    ) -> FileResult<Option<DecodeStats>> {
-        self.source(step).decode_step(step, wanted, out, cancel)
+    fn decode_step(&self, request: StepRequest<'_>, out: &mut [f32]) -> FileResult<Option<DecodeStats>> {
+        self.source(request.step).decode_step(request, out)
     }
 
     fn vq_block(&self, step: usize) -> FileResult<Option<Arc<VqBlock>>> {

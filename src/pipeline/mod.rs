@@ -56,6 +56,7 @@ pub use time::FrameTime;
 #[cfg(feature = "gpu")]
 pub use window_gpu::WindowGpu;
 
+use crate::codec::StepRequest;
 use crate::error::FileResult;
 use crate::field::{FieldSelector, TimeAxis};
 use crate::mesh::Mesh;
@@ -124,7 +125,7 @@ impl Pipeline {
         cancel: &Cancel,
     ) -> Result<Vec<u32>, PipelineError> {
         let read = |buffer: &mut Vec<f32>, &step: &usize| {
-            let cost = self.series.source.decode_step(step, None, buffer, cancel)?;
+            let cost = self.series.source.decode_step(StepRequest::whole(step, cancel), buffer)?;
             progress.advance(1);
             cost.map(|_| crc32c::crc32c(bytemuck::cast_slice(buffer))).ok_or(PipelineError::Cancelled)
         };

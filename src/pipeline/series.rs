@@ -2,7 +2,7 @@
 
 use super::kept::{ChunkRanges, Quantities, Rankings};
 use crate::codec::vq::VqBlock;
-use crate::codec::{BlockCache, DecodeStats, Wanted};
+use crate::codec::{BlockCache, DecodeStats, StepRequest};
 use crate::error::{FileError, FileResult};
 use crate::field::{FieldSelector, TimeAxis};
 use crate::histograms::Histogram;
@@ -18,15 +18,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Source of decoded steps: [`FieldReader`], or in tests one that fails. No method has a default, so that a wrapping source forgets none.
 pub(super) trait StepSource: Send + Sync {
-    /// Fills `out` with a step, one scalar per vertex; `None` if `cancel` was raised. With `wanted`, the other vertices may be left
-    /// undecoded.
-    fn decode_step(
-        &self,
-        step: usize,
-        wanted: Option<Wanted<'_>>,
-        out: &mut [f32],
-        cancel: &Cancel,
-    ) -> FileResult<Option<DecodeStats>>;
+    /// Fills `out` with a step, one scalar per vertex; `None` if it was cancelled. Vertices that are not wanted may be left undecoded.
+    fn decode_step(&self, request: StepRequest<'_>, out: &mut [f32]) -> FileResult<Option<DecodeStats>>;
 
     /// The compressed block of a step; `None` if its codec has none that a GPU can decode.
     fn vq_block(&self, step: usize) -> FileResult<Option<Arc<VqBlock>>>;
@@ -57,14 +50,8 @@ pub(super) trait StepSource: Send + Sync {
 }
 
 impl StepSource for FieldReader {
-    fn decode_step(
-        &self,
-        step: usize,
-        wanted: Option<Wanted<'_>>,
-        out: &mut [f32],
-        cancel: &Cancel,
-    ) -> FileResult<Option<DecodeStats>> {
-        self.decode_step_unless(step, wanted, out, cancel)
+    fn decode_step(&self, request: StepRequest<'_>, out: &mut [f32]) -> FileResult<Option<DecodeStats>> {
+        self.decode_step_unless(request, out)
     }
 
     fn vq_block(&self, step: usize) -> FileResult<Option<Arc<VqBlock>>> {
@@ -237,7 +224,7 @@ impl Series {
 
     /// Fills `out` with a step, one scalar per vertex; whether it came to its end before `cancel` was raised.
     pub(crate) fn decode_step(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<bool> {
-        Ok(self.source.decode_step(step, None, out, cancel)?.is_some())
+        Ok(self.source.decode_step(StepRequest::whole(step, cancel), out)?.is_some())
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::series::Series;
 use super::time::{FrameTime, mix};
-use crate::codec::{DecodeStats, Wanted};
+use crate::codec::{DecodeStats, StepRequest, Wanted};
 use crate::error::FileResult;
 use crate::stats::FrameStats;
 use crate::task::Cancel;
@@ -83,7 +83,7 @@ impl StepCache {
             let needed = needed.filter(|_| ranges.is_some());
             let filled = self.fill(time, vertices, needed, |out| {
                 let wanted = needed.map(|chunks| Wanted { length: Clusters::VERTICES, chunks });
-                let cost = series.source.decode_step(time.step(), wanted, out, cancel)?;
+                let cost = series.source.decode_step(StepRequest { step: time.step(), wanted, cancel }, out)?;
                 decoded = cost.unwrap_or_default();
                 if let (Some(chunks), Some(ranges)) = (needed, &ranges) {
                     let parts = out.chunks_mut(Clusters::VERTICES).zip(chunks).zip(ranges.iter());

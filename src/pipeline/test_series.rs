@@ -2,7 +2,7 @@
 
 use super::series::{Series, StepSource};
 use crate::codec::vq::VqBlock;
-use crate::codec::{BlockCache, DecodeStats, Wanted};
+use crate::codec::{BlockCache, DecodeStats, StepRequest};
 use crate::error::{FileError, FileResult};
 use crate::field::{FieldSelector, TimeAxis};
 use crate::histograms::Histogram;
@@ -75,13 +75,8 @@ struct Fake {
 }
 
 impl StepSource for Fake {
-    fn decode_step(
-        &self,
-        step: usize,
-        _wanted: Option<Wanted<'_>>,
-        out: &mut [f32],
-        cancel: &Cancel,
-    ) -> FileResult<Option<DecodeStats>> {
+    fn decode_step(&self, request: StepRequest<'_>, out: &mut [f32]) -> FileResult<Option<DecodeStats>> {
+        let StepRequest { step, cancel, .. } = request;
         self.log.hang_unless(cancel);
         let (begun, takes) = (Instant::now(), self.log.with(|state| state.takes));
         while begun.elapsed() < takes && !cancel.is_cancelled() {

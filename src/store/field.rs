@@ -8,8 +8,8 @@ use super::mesh::is_current;
 use crate::codec::blocks::{BlockCache, BlockKey, BlockLoader};
 use crate::codec::vq::VqBlock;
 use crate::codec::{
-    self, ArraySpec, Chunking, DecodeStats, Decoder, ElementType, Quality, ReadRange, StoredValues, Wanted, chunk_key,
-    magnitude_unless, read_rows,
+    self, ArraySpec, Chunking, DecodeStats, Decoder, ElementType, Quality, ReadRange, StepRequest, StoredValues,
+    chunk_key, magnitude_unless, read_rows,
 };
 use crate::error::{FileError, FileResult};
 use crate::field::Association;
@@ -278,35 +278,29 @@ impl FieldReader {
     /// # Panics
     /// If the length of `out` is not [`FieldReader::vertex_count`].
     pub fn decode_step(&self, step: usize, out: &mut [f32]) -> FileResult<DecodeStats> {
-        match self.decode_step_unless(step, None, out, &Cancel::new())? {
+        match self.decode_step_unless(StepRequest::whole(step, &Cancel::new()), out)? {
             Some(stats) => Ok(stats),
             None => unreachable!("nobody else has the flag"),
         }
     }
 
-    /// As [`FieldReader::decode_step`], unless `cancel` is raised: then `None` within a few milliseconds. With `wanted`, only the chunks it
-    /// selects are sure to be decoded. All other values of `out` are unspecified.
+    /// As [`FieldReader::decode_step`], unless it is cancelled: then `None` within a few milliseconds. Only wanted chunks are sure to be
+    /// decoded. All other values of `out` are unspecified.
     ///
     /// # Errors
     /// As [`FieldReader::decode_step`].
     ///
     /// # Panics
-    /// As [`FieldReader::decode_step`], or if `wanted` has not one entry per chunk.
-    pub fn decode_step_unless(
-        &self,
-        step: usize,
-        wanted: Option<Wanted<'_>>,
-        out: &mut [f32],
-        cancel: &Cancel,
-    ) -> FileResult<Option<DecodeStats>> {
+    /// As [`FieldReader::decode_step`], or if there is not one flag for each chunk.
+    pub fn decode_step_unless(&self, request: StepRequest<'_>, out: &mut [f32]) -> FileResult<Option<DecodeStats>> {
         match &self.values {
-            Values::Stored(decoder) => decoder.decode_step_unless(step, wanted, out, cancel),
+            Values::Stored(decoder) => decoder.decode_step_unless(request, out),
             Values::Magnitude { components, pool } => {
                 assert_eq!(out.len(), self.vertices, "one value per vertex");
                 let pooled = pool.lock().unwrap_or_else(PoisonError::into_inner).pop();
                 // A new buffer is zero without being written, which would take a while and could not be cancelled.
                 let mut buffer = pooled.unwrap_or_else(|| vec![0.0; components.len() * self.vertices]);
-                let result = decode_magnitude(components, step, &mut buffer, out, cancel);
+                let result = decode_magnitude(components, request, &mut buffer, out);
                 pool.lock().unwrap_or_else(PoisonError::into_inner).push(buffer);
                 result
             }
@@ -395,23 +389,22 @@ impl FieldReader {
 
 fn decode_magnitude(
     components: &[Box<dyn Decoder>],
-    step: usize,
+    request: StepRequest<'_>,
     buffer: &mut [f32],
     out: &mut [f32],
-    cancel: &Cancel,
 ) -> FileResult<Option<DecodeStats>> {
     let mut bytes_read = 0;
     if out.is_empty() {
         return Ok(Some(DecodeStats::default()));
     }
     for (decoder, values) in components.iter().zip(buffer.chunks_exact_mut(out.len())) {
-        match decoder.decode_step_unless(step, None, values, cancel)? {
+        match decoder.decode_step_unless(StepRequest { wanted: None, ..request }, values)? {
             Some(stats) => bytes_read += stats.bytes_read,
             None => return Ok(None),
         }
     }
     let values: Vec<&[f32]> = buffer.chunks_exact(out.len()).collect();
-    let whole = magnitude_unless(&values, out, cancel);
+    let whole = magnitude_unless(&values, out, request.cancel);
     Ok(whole.then_some(DecodeStats { bytes_read, vertices_decoded: out.len() as u64 }))
 }
 

@@ -20,7 +20,7 @@ use super::array::StoredArray;
 use super::field::StoredField;
 use super::layout::{self, DERIVED_ATTRIBUTE, FIELDS};
 use super::mesh::{ArrayWriter, column};
-use crate::codec::{Chunking, ElementType};
+use crate::codec::{Chunking, ElementType, StepRequest};
 use crate::error::{FileError, FileResult};
 use crate::files;
 use crate::histograms::{Histogram, Kind, Ranges, of_series};
@@ -112,7 +112,7 @@ impl FieldReader {
     ) -> FileResult<Option<Vec<Histogram>>> {
         let Some(cov) = self.coefficients_of_variation(cancel)? else { return Ok(None) };
         of_series(kinds, mesh, &cov, self.info().range, self.step_count(), |step, out| {
-            Ok(self.decode_step_unless(step, None, out, cancel)?.is_some())
+            Ok(self.decode_step_unless(StepRequest::whole(step, cancel), out)?.is_some())
         })
     }
 
@@ -161,7 +161,7 @@ impl FieldReader {
                 let mut moments = Moments::new(self.vertex_count());
                 let mut values = vec![0.0; self.vertex_count()];
                 for step in 0..self.step_count() {
-                    if self.decode_step_unless(step, None, &mut values, cancel)?.is_none() {
+                    if self.decode_step_unless(StepRequest::whole(step, cancel), &mut values)?.is_none() {
                         return Ok(None);
                     }
                     moments.add_step(&values);

@@ -5,7 +5,7 @@ use crate::codec::chunk::PIECE_BYTES;
 use crate::codec::raw::{RawDecoder, RawEncoder};
 use crate::codec::test_objects::Objects;
 use crate::codec::vq::{VqDecoder, VqEncoder, VqOptions, VqParameters};
-use crate::codec::{Decoder, Encoder, ReadRange, Wanted};
+use crate::codec::{Decoder, Encoder, ReadRange, StepRequest, Wanted};
 use std::path::PathBuf;
 
 /// A source that can be damaged, counts its reads and raises a cancel flag at one of them.
@@ -111,10 +111,14 @@ fn cancelled_at_every_read(source: &Watched, cache: &BlockCache, decoder: &dyn D
     for at in 1..=whole {
         decoder.blocks().iter().for_each(|loader| cache.forget(loader.id()));
         let cancel = source.raise_after(at);
-        assert_eq!(decoder.decode_step_unless(1, None, &mut out, &cancel).unwrap(), None, "{at} of {whole}");
+        assert_eq!(
+            decoder.decode_step_unless(StepRequest::whole(1, &cancel), &mut out).unwrap(),
+            None,
+            "{at} of {whole}"
+        );
         assert_eq!(source.reads(), at, "nothing is read once the flag is up");
         assert_eq!(cache.statistics().resident_blocks, 0);
-        let done = decoder.decode_step_unless(1, None, &mut out, &Cancel::new()).unwrap().unwrap();
+        let done = decoder.decode_step_unless(StepRequest::whole(1, &Cancel::new()), &mut out).unwrap().unwrap();
         assert_eq!(done.vertices_decoded, vertices as u64);
         assert_eq!(bits(&out), bits(&expected));
     }
@@ -122,7 +126,7 @@ fn cancelled_at_every_read(source: &Watched, cache: &BlockCache, decoder: &dyn D
     let raised = Cancel::new();
     raised.cancel();
     source.reads();
-    assert_eq!(decoder.decode_step_unless(1, None, &mut out, &raised).unwrap(), None);
+    assert_eq!(decoder.decode_step_unless(StepRequest::whole(1, &raised), &mut out).unwrap(), None);
     assert_eq!(source.reads(), 0);
 }
 
@@ -152,10 +156,8 @@ fn cancelled_at_every_look(decoder: &dyn Decoder, vertices: usize, chunks: Optio
         let cancel = Cancel::after_looks(looks);
         let mut out = vec![BEFORE; vertices];
         let all = vec![true; vertices.div_ceil(chunks.unwrap_or(1))];
-        let done = match chunks {
-            None => decoder.decode_step_unless(1, None, &mut out, &cancel),
-            Some(length) => decoder.decode_step_unless(1, Some(Wanted { length, chunks: &all }), &mut out, &cancel),
-        };
+        let wanted = chunks.map(|length| Wanted { length, chunks: &all });
+        let done = decoder.decode_step_unless(StepRequest { step: 1, wanted, cancel: &cancel }, &mut out);
         let is_whole = bits(&out) == bits(&expected);
         if done.unwrap().is_some() {
             assert!(is_whole, "what was given up after {looks} looks counts as whole");

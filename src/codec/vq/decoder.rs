@@ -6,7 +6,7 @@ use super::{GROUPS, STEPS};
 use crate::codec::blocks::{Block, BlockCache, BlockLoader, DecoderId, LoadedBlock};
 use crate::codec::stop::{go_on, uncancelled, unless_cancelled};
 use crate::codec::{
-    DecodeStats, Decoder, Element, ReadRange, Stop, Wanted, chunk_key, read_chunk_unless, read_rows_unless,
+    DecodeStats, Decoder, Element, ReadRange, StepRequest, Stop, chunk_key, read_chunk_unless, read_rows_unless,
 };
 use crate::error::{FileError, FileResult};
 use crate::task::Cancel;
@@ -202,13 +202,8 @@ impl BlockLoader for VqDecoder {
 }
 
 impl Decoder for VqDecoder {
-    fn decode_step_unless(
-        &self,
-        step: usize,
-        wanted: Option<Wanted<'_>>,
-        out: &mut [f32],
-        cancel: &Cancel,
-    ) -> FileResult<Option<DecodeStats>> {
+    fn decode_step_unless(&self, request: StepRequest<'_>, out: &mut [f32]) -> FileResult<Option<DecodeStats>> {
+        let StepRequest { step, wanted, cancel } = request;
         assert_eq!(out.len(), self.vertices, "one value per vertex");
         let Some((block, bytes_read)) = unless_cancelled(self.block(step, cancel))? else { return Ok(None) };
         let Some(wanted) = wanted else {

@@ -4,7 +4,7 @@ use super::encode::encode_block;
 use super::test_data::Random;
 use super::*;
 use crate::codec::test_objects::Objects;
-use crate::codec::{Decoder, Encoder, ErrorTally, Quality, chunk_key, seal};
+use crate::codec::{Decoder, Encoder, ErrorTally, Quality, StepRequest, chunk_key, seal};
 use crate::moments::Moments;
 use crate::task::Cancel;
 use std::sync::Arc;
@@ -489,7 +489,8 @@ fn chunks_that_are_wanted_have_the_bits_of_the_whole_step_and_others_are_left_al
         let chunks: Vec<bool> = (0..vertices.div_ceil(length)).map(|i| i % 3 == 1 || length >= 1000).collect();
         let mut out = vec![7.0; vertices];
         let wanted = crate::codec::Wanted { length, chunks: &chunks };
-        let cost = coded.decoder.decode_step_unless(step, Some(wanted), &mut out, &Cancel::new()).unwrap().unwrap();
+        let request = StepRequest { step, wanted: Some(wanted), cancel: &Cancel::new() };
+        let cost = coded.decoder.decode_step_unless(request, &mut out).unwrap().unwrap();
         let is_wanted = |v: usize| chunks[v / length];
         let count = (0..vertices).filter(|&v| is_wanted(v)).count();
         assert_eq!(cost.vertices_decoded, count as u64, "{step} {length}");
@@ -501,5 +502,6 @@ fn chunks_that_are_wanted_have_the_bits_of_the_whole_step_and_others_are_left_al
     let cancelled = Cancel::new();
     cancelled.cancel();
     let wanted = crate::codec::Wanted { length: vertices, chunks: &[true] };
-    assert!(coded.decoder.decode_step_unless(0, Some(wanted), &mut vec![0.0; vertices], &cancelled).unwrap().is_none());
+    let request = StepRequest { step: 0, wanted: Some(wanted), cancel: &cancelled };
+    assert!(coded.decoder.decode_step_unless(request, &mut vec![0.0; vertices]).unwrap().is_none());
 }

@@ -3,8 +3,8 @@
 use super::{Formulas, import, sample};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use tetreel::codec::BlockCache;
 use tetreel::codec::vq::VqOptions;
+use tetreel::codec::{BlockCache, StepRequest};
 use tetreel::ingest::{CodecChoice, IngestOptions};
 use tetreel::store::{FieldReader, Store};
 use tetreel::task::Cancel;
@@ -141,13 +141,17 @@ fn a_raised_flag_stops_reading_decoding_and_loading_ahead() {
         let mut out = vec![0.0; reader.vertex_count()];
         reader.expect(&[3]);
         assert!(!reader.prefetch(&raised).unwrap());
-        assert_eq!(reader.decode_step_unless(3, None, &mut out, &raised).unwrap(), None);
+        assert_eq!(reader.decode_step_unless(StepRequest::whole(3, &raised), &mut out).unwrap(), None);
         assert_eq!(cache.statistics().resident_blocks, 0);
         let expected = bits(&reader, 3);
-        assert!(reader.decode_step_unless(3, None, &mut out, &Cancel::new()).unwrap().is_some());
+        assert!(reader.decode_step_unless(StepRequest::whole(3, &Cancel::new()), &mut out).unwrap().is_some());
         assert_eq!(out.iter().map(|x| x.to_bits()).collect::<Vec<_>>(), expected);
         while reader.prefetch(&Cancel::new()).unwrap() {}
-        assert_eq!(reader.decode_step_unless(3, None, &mut out, &raised).unwrap(), None, "from memory, too");
+        assert_eq!(
+            reader.decode_step_unless(StepRequest::whole(3, &raised), &mut out).unwrap(),
+            None,
+            "from memory, too"
+        );
     }
 }
 
