@@ -8,7 +8,7 @@ use super::mesh::is_current;
 use crate::codec::blocks::{BlockCache, BlockKey, BlockLoader};
 use crate::codec::vq::VqBlock;
 use crate::codec::{
-    self, ArraySpec, Chunking, DecodeStats, Decoder, ElementType, Quality, ReadRange, StepRequest, StoredValues,
+    self, Chunking, Coding, DecodeStats, Decoder, ElementType, Quality, ReadRange, StepRequest, StoredValues,
     chunk_key, magnitude_unless, read_rows,
 };
 use crate::error::{FileError, FileResult};
@@ -53,47 +53,22 @@ pub struct StoredField {
     /// Folders of `magnitude_of`.
     #[serde(skip)]
     pub(super) component_folders: Vec<String>,
-    /// Where the values come from, and their codec.
+    /// Coding of its own values; `None` for a magnitude.
     #[serde(skip)]
-    pub(super) coding: Coding,
+    pub(super) coding: Option<Arc<dyn Coding>>,
 }
 
-/// Where the values of a field come from.
-#[derive(Clone, Debug)]
-pub(super) enum Coding {
-    /// Values written by a codec.
-    Coded(Arc<dyn codec::Coding>),
-    /// The norm of other fields.
-    Magnitude,
-}
-
-impl PartialEq for Coding {
-    /// Compares the variants only: the field has the codec's parameters.
-    fn eq(&self, other: &Self) -> bool {
-        matches!((self, other), (Self::Coded(_), Self::Coded(_)) | (Self::Magnitude, Self::Magnitude))
+/// Coding of the own values of a field with these attributes; `None` if it is the norm of others.
+fn coding_of(attributes: &FieldAttributes, path: &Path) -> FileResult<Option<Arc<dyn Coding>>> {
+    if attributes.codec == MAGNITUDE_CODEC && !attributes.magnitude_of.is_empty() {
+        return Ok(None);
     }
-}
-
-impl Coding {
-    /// Where the values of a field with these attributes come from.
-    fn of(attributes: &FieldAttributes, path: &Path) -> FileResult<Self> {
-        if attributes.codec == MAGNITUDE_CODEC && !attributes.magnitude_of.is_empty() {
-            return Ok(Self::Magnitude);
-        }
-        let Some(codec) = codec::codec_of(&attributes.codec) else {
-            let error = FileError::unsupported(path, "codec", format!("'{}' is not known", attributes.codec));
-            return Err(error.remedy("a newer version of tetreel may read it"));
-        };
-        let coding = (codec.coding)(&attributes.codec_parameters);
-        coding.map(Self::Coded).map_err(|problem| FileError::invalid(path, "attributes", problem))
-    }
-
-    fn arrays(&self, steps: u64, vertices: u64) -> Vec<ArraySpec> {
-        match self {
-            Self::Coded(coding) => coding.arrays(steps, vertices),
-            Self::Magnitude => Vec::new(),
-        }
-    }
+    let Some(codec) = codec::codec_of(&attributes.codec) else {
+        let error = FileError::unsupported(path, "codec", format!("'{}' is not known", attributes.codec));
+        return Err(error.remedy("a newer version of tetreel may read it"));
+    };
+    let coding = (codec.coding)(&attributes.codec_parameters);
+    coding.map(Some).map_err(|problem| FileError::invalid(path, "attributes", problem))
 }
 
 impl StoredField {
@@ -101,8 +76,8 @@ impl StoredField {
     pub(super) fn open(root: &Path, source: &Folder, folder: &str, steps: u64, vertices: u64) -> FileResult<Self> {
         let group = format!("{FIELDS}/{folder}");
         let attributes: FieldAttributes = layout::read_group(root, &group)?;
-        let coding = Coding::of(&attributes, &root.join(&group))?;
-        for array in coding.arrays(steps, vertices) {
+        let coding = coding_of(&attributes, &root.join(&group))?;
+        for array in coding.iter().flat_map(|coding| coding.arrays(steps, vertices)) {
             let key = format!("{group}/{}", array.name);
             StoredArray::open(root, &key, array.element, array.chunking, array.shape.len())?
                 .expect_shape(root, &array.shape)?;
@@ -138,21 +113,16 @@ impl StoredField {
             coding,
         })
     }
-}
 
-impl StoredField {
     /// Paths of its own value arrays below the root, whatever the number of values.
     pub(super) fn array_paths(&self) -> impl Iterator<Item = String> {
-        let arrays = self.coding.arrays(1, 1).into_iter();
+        let arrays = self.coding.iter().flat_map(|coding| coding.arrays(1, 1));
         arrays.map(|array| format!("{FIELDS}/{}/{}", self.folder, array.name))
     }
 
     /// Coding of its own values; `None` for a magnitude.
-    pub fn coding(&self) -> Option<&dyn codec::Coding> {
-        match &self.coding {
-            Coding::Coded(coding) => Some(&**coding),
-            Coding::Magnitude => None,
-        }
+    pub fn coding(&self) -> Option<&dyn Coding> {
+        self.coding.as_deref()
     }
 
     /// A decoder of the field's own values, with its blocks in `cache` if there is one; `None` for a magnitude.
