@@ -126,7 +126,7 @@ impl StoredField {
     }
 
     /// A decoder of the field's own values, with its blocks in `cache` if there is one; `None` for a magnitude.
-    fn decoder(&self, series: &Series<'_>) -> Option<Box<dyn Decoder>> {
+    fn decoder(&self, series: &Series) -> Option<Box<dyn Decoder>> {
         let group_key = &format!("{FIELDS}/{}", self.folder);
         let (source, steps, vertices) = (series.source.clone(), series.steps, series.vertices);
         let values = StoredValues { source, group_key, steps, vertices };
@@ -152,10 +152,11 @@ fn check_range([lo, hi]: [f32; 2]) -> Option<Option<[f32; 2]>> {
     }
 }
 
-/// Properties shared by all fields of a store, and the readers' block cache.
-pub(super) struct Series<'a> {
-    pub(super) root: &'a Path,
-    pub(super) source: &'a Arc<Folder>,
+/// Properties shared by all fields of a store, and the block cache of a reader, if it was given one.
+#[derive(Clone)]
+pub(super) struct Series {
+    pub(super) root: PathBuf,
+    pub(super) source: Arc<Folder>,
     pub(super) steps: usize,
     pub(super) vertices: usize,
     pub(super) cache: Option<Arc<BlockCache>>,
@@ -166,22 +167,11 @@ pub struct FieldReader {
     info: StoredField,
     /// The fields whose norm this one is; empty for a field with its own values.
     components: Vec<StoredField>,
-    steps: usize,
-    vertices: usize,
-    values: Values,
-    /// The block cache, if the reader was given one.
-    cache: Option<Arc<BlockCache>>,
-    pub(super) root: PathBuf,
-    pub(super) source: Arc<Folder>,
-}
-
-enum Values {
-    Stored(Box<dyn Decoder>),
-    /// The norm of other fields. The pool has buffers for all components of a step.
-    Magnitude {
-        components: Vec<Box<dyn Decoder>>,
-        pool: Mutex<Vec<Vec<f32>>>,
-    },
+    /// The decoders of the stored values: one, or one per component of a magnitude.
+    decoders: Vec<Box<dyn Decoder>>,
+    /// Buffers for all components of a step of a magnitude.
+    pool: Mutex<Vec<Vec<f32>>>,
+    pub(super) series: Series,
 }
 
 impl FieldReader {
@@ -191,37 +181,19 @@ impl FieldReader {
     }
 
     /// A reader of `info`, with `components` the fields whose norm it is.
-    pub(super) fn new(info: StoredField, components: &[&StoredField], series: &Series<'_>) -> Self {
-        let values = match info.decoder(series) {
-            Some(decoder) => Values::Stored(decoder),
-            None => {
-                let components = components.iter().filter_map(|field| field.decoder(series)).collect();
-                Values::Magnitude { components, pool: Mutex::new(Vec::new()) }
-            }
+    pub(super) fn new(info: StoredField, components: Vec<StoredField>, series: Series) -> Self {
+        let decoders = match info.decoder(&series) {
+            Some(decoder) => vec![decoder],
+            None => components.iter().filter_map(|field| field.decoder(&series)).collect(),
         };
-        Self {
-            info,
-            components: components.iter().copied().cloned().collect(),
-            steps: series.steps,
-            vertices: series.vertices,
-            values,
-            cache: series.cache.clone(),
-            root: series.root.to_owned(),
-            source: series.source.clone(),
-        }
+        Self { info, components, decoders, pool: Mutex::default(), series }
     }
 
     /// Another reader of the same files, with its blocks in `cache`: its reads evict none of this reader's blocks.
     #[must_use]
     pub fn with_blocks(&self, cache: Arc<BlockCache>) -> Self {
-        let series = Series {
-            root: &self.root,
-            source: &self.source,
-            steps: self.steps,
-            vertices: self.vertices,
-            cache: Some(cache),
-        };
-        Self::new(self.info.clone(), &self.components.iter().collect::<Vec<_>>(), &series)
+        let series = Series { cache: Some(cache), ..self.series.clone() };
+        Self::new(self.info.clone(), self.components.clone(), series)
     }
 
     /// The field.
@@ -231,12 +203,12 @@ impl FieldReader {
 
     /// Number of steps.
     pub fn step_count(&self) -> usize {
-        self.steps
+        self.series.steps
     }
 
     /// Number of values of a step.
     pub fn vertex_count(&self) -> usize {
-        self.vertices
+        self.series.vertices
     }
 
     /// Decodes `step` into `out`, one value per vertex of the store's mesh. NaN and infinities are as in the source.
@@ -263,30 +235,25 @@ impl FieldReader {
     /// # Panics
     /// As [`FieldReader::decode_step`], or if there is not one flag for each chunk.
     pub fn decode_step_unless(&self, request: StepRequest<'_>, out: &mut [f32]) -> FileResult<Option<DecodeStats>> {
-        match &self.values {
-            Values::Stored(decoder) => decoder.decode_step_unless(request, out),
-            Values::Magnitude { components, pool } => {
-                assert_eq!(out.len(), self.vertices, "one value per vertex");
-                let pooled = pool.lock().unwrap_or_else(PoisonError::into_inner).pop();
-                // A new buffer is zero without being written, which would take a while and could not be cancelled.
-                let mut buffer = pooled.unwrap_or_else(|| vec![0.0; components.len() * self.vertices]);
-                let result = decode_magnitude(components, request, &mut buffer, out);
-                pool.lock().unwrap_or_else(PoisonError::into_inner).push(buffer);
-                result
-            }
+        if let Some(decoder) = self.own_decoder() {
+            return decoder.decode_step_unless(request, out);
         }
+        assert_eq!(out.len(), self.series.vertices, "one value per vertex");
+        let pooled = self.pool.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        // A new buffer is zero without being written, which would take a while and could not be cancelled.
+        let mut buffer = pooled.unwrap_or_else(|| vec![0.0; self.decoders.len() * self.series.vertices]);
+        let result = decode_magnitude(&self.decoders, request, &mut buffer, out);
+        self.pool.lock().unwrap_or_else(PoisonError::into_inner).push(buffer);
+        result
     }
 
-    /// The decoders of the stored values: one, or one per component of a magnitude.
-    fn decoders(&self) -> &[Box<dyn Decoder>] {
-        match &self.values {
-            Values::Stored(decoder) => std::slice::from_ref(decoder),
-            Values::Magnitude { components, .. } => components,
-        }
+    /// The decoder of the field's own values; `None` for a magnitude.
+    fn own_decoder(&self) -> Option<&dyn Decoder> {
+        self.info.coding.as_ref().and(self.decoders.first()).map(|decoder| &**decoder)
     }
 
     fn loaders(&self) -> impl Iterator<Item = &dyn BlockLoader> {
-        self.decoders().iter().filter_map(|decoder| decoder.blocks())
+        self.decoders.iter().filter_map(|decoder| decoder.blocks())
     }
 
     /// Tells the cache which steps will be shown, the next one first; of repeated steps, as in a loop, the first counts. Their blocks are
@@ -295,7 +262,7 @@ impl FieldReader {
     ///
     /// Does nothing without a cache ([`Store::field_with`](super::Store::field_with)).
     pub fn expect(&self, upcoming: &[usize]) {
-        let Some(cache) = &self.cache else { return };
+        let Some(cache) = &self.series.cache else { return };
         let blocks_of = |step: usize| self.loaders().map(move |loader| loader.block_of_step(step));
         let is_new = |i: usize| i == 0 || !blocks_of(upcoming[i]).eq(blocks_of(upcoming[i - 1]));
         cache.expect((0..upcoming.len()).filter(|&i| is_new(i)).flat_map(|i| self.keys(upcoming[i])));
@@ -314,14 +281,14 @@ impl FieldReader {
     /// # Errors
     /// If the block is missing or damaged; the error names the file and the first step of the block.
     pub fn prefetch(&self, cancel: &Cancel) -> FileResult<bool> {
-        let Some(cache) = &self.cache else { return Ok(false) };
+        let Some(cache) = &self.series.cache else { return Ok(false) };
         cache.prefetch(|decoder| self.loaders().find(|loader| loader.id() == decoder), cancel)
     }
 
     /// Whether `step` can be decoded without reading a file, from the reader's block cache.
     pub fn is_resident(&self, step: usize) -> bool {
-        let Some(cache) = &self.cache else { return false };
-        step < self.steps && self.keys(step).all(|key| cache.is_resident(key))
+        let Some(cache) = &self.series.cache else { return false };
+        step < self.series.steps && self.keys(step).all(|key| cache.is_resident(key))
     }
 
     /// The compressed block of codec `vq` that `step` is in, for a GPU decoder; `None` for other codecs.
@@ -329,10 +296,7 @@ impl FieldReader {
     /// # Errors
     /// As [`FieldReader::decode_step`].
     pub fn vq_block(&self, step: usize) -> FileResult<Option<Arc<VqBlock>>> {
-        match &self.values {
-            Values::Stored(decoder) => decoder.vq_block(step),
-            Values::Magnitude { .. } => Ok(None),
-        }
+        self.own_decoder().map_or(Ok(None), |decoder| decoder.vq_block(step))
     }
 
     /// Mean and variance over time of every vertex; `None` if the store has none of this version.
@@ -340,18 +304,19 @@ impl FieldReader {
     /// # Errors
     /// If the arrays are damaged.
     pub fn vertex_statistics(&self) -> FileResult<Option<VertexStatistics>> {
-        let spec = moments_array(self.vertices as u64);
+        let spec = moments_array(self.series.vertices as u64);
         let key = format!("{FIELDS}/{}/{}", self.info.folder, spec.name);
-        if !self.root.join(&key).join("zarr.json").is_file() {
+        let Series { root, source, .. } = &self.series;
+        if !root.join(&key).join("zarr.json").is_file() {
             return Ok(None);
         }
-        let array = StoredArray::open(&self.root, &key, spec.element, spec.chunking, spec.shape.len())?;
+        let array = StoredArray::open(root, &key, spec.element, spec.chunking, spec.shape.len())?;
         if !is_current(&array) {
             return Ok(None);
         }
-        let array = array.expect_shape(&self.root, &spec.shape)?;
+        let array = array.expect_shape(root, &spec.shape)?;
         let row = |i: u64| -> FileResult<Vec<f64>> {
-            Ok(read_rows::<f64, 1>(&*self.source, &chunk_key(&key, i, 2), array.shape[1])?.into_flattened())
+            Ok(read_rows::<f64, 1>(&**source, &chunk_key(&key, i, 2), array.shape[1])?.into_flattened())
         };
         Ok(Some(VertexStatistics { mean: row(0)?, variance: row(1)?, finite_count: row(2)? }))
     }
@@ -380,7 +345,7 @@ fn decode_magnitude(
 
 impl std::fmt::Debug for FieldReader {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let path = self.source.path(&format!("{FIELDS}/{}", self.info.folder));
+        let path = self.series.source.path(&format!("{FIELDS}/{}", self.info.folder));
         f.debug_struct("FieldReader").field("name", &self.info.name).field("path", &path).finish_non_exhaustive()
     }
 }

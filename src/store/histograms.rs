@@ -69,13 +69,13 @@ impl FieldReader {
     /// Stores histograms of [`Kind::ALL`], replacing old ones. They are written to a temporary folder and moved.
     fn keep_histograms(&self, histograms: &[Histogram]) -> FileResult<()> {
         let Some(of) = self.checksum() else { return Ok(()) };
-        let staging = files::sibling_folder(&self.root, "tmp")?;
+        let staging = files::sibling_folder(&self.series.root, "tmp")?;
         let folder = &self.info().folder;
         write(staging.path(), folder, (self.step_count(), of), histograms)?;
         // Another series in the place of this one must not get them.
-        self.source.check()?;
+        self.series.source.check()?;
         let key = format!("{FIELDS}/{folder}/{HISTOGRAMS}");
-        let (new, kept) = (staging.path().join(&key), self.root.join(&key));
+        let (new, kept) = (staging.path().join(&key), self.series.root.join(&key));
         if fs::rename(&new, &kept).is_ok() {
             return Ok(());
         }
@@ -124,7 +124,7 @@ impl FieldReader {
     fn stored_histogram(&self, kind: &Kind<'_>) -> Option<Histogram> {
         let key = format!("{FIELDS}/{}/{HISTOGRAMS}/{}", self.info().folder, kind.name());
         let rank = kind.axes().count();
-        let array = StoredArray::open(&self.root, &key, ElementType::U64, Chunking::Whole, rank).ok()?;
+        let array = StoredArray::open(&self.series.root, &key, ElementType::U64, Chunking::Whole, rank).ok()?;
         let number = |name: &str| array.attributes.get(name).and_then(Value::as_u64);
         let found = number(DERIVED_ATTRIBUTE)?;
         let is_known = found == version(kind) || found == HISTOGRAMS_VERSION;
@@ -135,10 +135,12 @@ impl FieldReader {
         let [x, y] = AXES.map(|name| array.attributes.get(name));
         let empty = kind.empty([range_of(x?)?, range_of(y?)?]);
         let shape = [Kind::ROWS as u64, Histogram1d::BINS as u64];
-        let array = array.expect_shape(&self.root, &shape[2 - rank..]).ok()?;
+        let array = array.expect_shape(&self.series.root, &shape[2 - rank..]).ok()?;
         let counts = match rank {
-            1 => array.read::<u64, 1>(&self.root, &*self.source).ok()?.into_flattened(),
-            _ => array.read::<u64, { Histogram1d::BINS }>(&self.root, &*self.source).ok()?.into_flattened(),
+            1 => array.read::<u64, 1>(&self.series.root, &*self.series.source).ok()?.into_flattened(),
+            _ => {
+                array.read::<u64, { Histogram1d::BINS }>(&self.series.root, &*self.series.source).ok()?.into_flattened()
+            }
         };
         let nonfinite = array.attributes.get(NONFINITE)?.as_u64()?;
         match &empty {

@@ -160,13 +160,13 @@ impl Store {
             .map_err(|_| FileError::unsupported(&self.root, "mesh", "has too many vertices for this machine"))?;
         let components = components_of(&self.fields, info);
         let source = self.source_of(info, &components)?;
-        let series = Series { root: &self.root, source: &source, steps: self.times.len(), vertices, cache };
-        Ok(FieldReader::new(info.clone(), &components, &series))
+        let series = Series { root: self.root.clone(), source, steps: self.times.len(), vertices, cache };
+        Ok(FieldReader::new(info.clone(), components, series))
     }
 
     /// Source of a field's chunks. A last short block is replaced when steps are added: its files are kept open.
-    fn source_of(&self, info: &StoredField, components: &[&StoredField]) -> FileResult<Arc<Folder>> {
-        let fields = components.iter().copied().chain([info]);
+    fn source_of(&self, info: &StoredField, components: &[StoredField]) -> FileResult<Arc<Folder>> {
+        let fields = components.iter().chain([info]);
         let keys: Vec<String> = fields
             .flat_map(|field| field.unsettled_chunks(&self.source, self.times.len(), self.mesh.vertices as usize))
             .collect();
@@ -209,8 +209,8 @@ impl Store {
 }
 
 /// The fields whose norm a field is.
-fn components_of<'a>(fields: &'a [StoredField], info: &StoredField) -> Vec<&'a StoredField> {
-    let component = |folder: &String| fields.iter().find(|f| &f.folder == folder);
+fn components_of(fields: &[StoredField], info: &StoredField) -> Vec<StoredField> {
+    let component = |folder: &String| fields.iter().find(|f| &f.folder == folder).cloned();
     info.component_folders.iter().filter_map(component).collect()
 }
 
