@@ -90,16 +90,6 @@ impl ElementType {
             Self::U64 => "uint64",
         }
     }
-
-    /// Bytes of an element.
-    pub fn size(self) -> u64 {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::U16 => 2,
-            Self::F32 | Self::U32 => 4,
-            Self::F64 | Self::U64 => 8,
-        }
-    }
 }
 
 /// A number type of array elements.
@@ -277,7 +267,7 @@ pub fn read_rows_unless<T: Element, const N: usize>(
         return Ok(Vec::new()); // an empty array has no chunk
     }
     let too_large = || FileError::unsupported(source.path(key), "chunk", format!("has {count} rows: too large"));
-    check_chunk_size(source, key, T::TYPE, count.checked_mul(N as u64).ok_or_else(too_large)?)?;
+    check_chunk_size::<T>(source, key, count.checked_mul(N as u64).ok_or_else(too_large)?)?;
     let mut rows = vec![[T::zeroed(); N]; usize::try_from(count).map_err(|_| too_large())?];
     read_chunk_unless(source, key, rows.as_flattened_mut(), cancel)?;
     Ok(rows)
@@ -287,8 +277,8 @@ pub fn read_rows_unless<T: Element, const N: usize>(
 ///
 /// # Errors
 /// If it is missing or has another length.
-pub fn check_chunk_size(source: &dyn ReadRange, key: &str, element: ElementType, count: u64) -> FileResult<()> {
-    let bytes = count.checked_mul(element.size()).and_then(|b| b.checked_add(CHECKSUM_BYTES));
+pub fn check_chunk_size<T: Element>(source: &dyn ReadRange, key: &str, count: u64) -> FileResult<()> {
+    let bytes = count.checked_mul(size_of::<T>() as u64).and_then(|b| b.checked_add(CHECKSUM_BYTES));
     let bytes = bytes.ok_or_else(|| FileError::unsupported(source.path(key), "chunk", "is too large"))?;
     check_size(source, key, bytes)
 }

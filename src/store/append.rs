@@ -144,10 +144,10 @@ fn errors_so_far(store: &Store, group: &str, steps: usize, vertices: usize) -> F
         return Err(too_old(store.root.join(key), "is missing"));
     }
     let open = |key: &str, rank: usize| StoredArray::open(&store.root, key, ElementType::F64, Chunking::Whole, rank);
-    let per_step = open(&keys[0], 2)?.expect_shape(&store.root, &[steps as u64, 3])?;
-    let per_vertex = open(&keys[1], 1)?.expect_shape(&store.root, &[vertices as u64])?;
-    let steps = per_step.read::<f64, 3>(&store.root, &*store.source)?;
-    let vertices = per_vertex.read::<f64, 1>(&store.root, &*store.source)?.into_flattened();
+    let per_step = open(&keys[0], 2)?.expect_shape(&[steps as u64, 3])?;
+    let per_vertex = open(&keys[1], 1)?.expect_shape(&[vertices as u64])?;
+    let steps = per_step.read::<f64, 3>(&*store.source)?;
+    let vertices = per_vertex.read::<f64, 1>(&*store.source)?.into_flattened();
     ErrorTally::from_parts(&steps, vertices)
         .ok_or_else(|| FileError::invalid(store.root.join(&keys[0]), "", "holds no sums of errors"))
 }

@@ -4,13 +4,15 @@ use super::metadata;
 use crate::codec::{ArraySpec, Chunking, Element, ElementType, ReadRange, check_chunk_size, chunk_key, read_rows};
 use crate::error::{FileError, FileResult};
 use serde_json::{Map, Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use zarrs_metadata::v3::{ArrayMetadataV3, MetadataV3};
 
 /// An array of a store whose chunks and codecs are those that tetreel writes.
 #[derive(Clone, Debug)]
 pub(super) struct StoredArray {
     key: String,
+    /// Its metadata, for messages.
+    path: PathBuf,
     pub(super) shape: Vec<u64>,
     pub(super) attributes: Map<String, Value>,
 }
@@ -61,7 +63,8 @@ impl StoredArray {
     ) -> FileResult<Self> {
         let actual: ArrayMetadataV3 = metadata::read(root, key, "array")?;
         metadata::check_fields(root, key, "array", &actual.additional_fields)?;
-        let wrong = |problem: String| Err(FileError::invalid(metadata::path(root, key), "array", problem));
+        let path = metadata::path(root, key);
+        let wrong = |problem: String| Err(FileError::invalid(&path, "array", problem));
         let shape = actual.shape;
         if shape.len() != rank {
             return wrong(format!("has {} axes instead of {rank}", shape.len()));
@@ -79,50 +82,43 @@ impl StoredArray {
             let list: Vec<&str> = actual.codecs.iter().map(|codec| codec.name()).collect();
             return wrong(format!("is coded by {list:?} instead of little-endian bytes and crc32c"));
         }
-        Ok(Self { key: key.to_owned(), shape: spec.shape, attributes: actual.attributes })
+        Ok(Self { key: key.to_owned(), path, shape: spec.shape, attributes: actual.attributes })
     }
 
     /// The error that this array has an unexpected shape.
-    pub(super) fn wrong_shape(&self, root: &Path, expected: &[u64]) -> FileError {
+    pub(super) fn wrong_shape(&self, expected: &[u64]) -> FileError {
         let problem = format!("has shape {:?} instead of {expected:?}", self.shape);
-        FileError::invalid(metadata::path(root, &self.key), "array", problem).remedy("import the series again")
+        FileError::invalid(&self.path, "array", problem).remedy("import the series again")
     }
 
     /// Checks the shape.
-    pub(super) fn expect_shape(self, root: &Path, expected: &[u64]) -> FileResult<Self> {
-        if self.shape == expected { Ok(self) } else { Err(self.wrong_shape(root, expected)) }
+    pub(super) fn expect_shape(self, expected: &[u64]) -> FileResult<Self> {
+        if self.shape == expected { Ok(self) } else { Err(self.wrong_shape(expected)) }
     }
 
     /// Number of rows of an array of rows of N.
-    pub(super) fn rows<const N: usize>(&self, root: &Path) -> FileResult<u64> {
+    pub(super) fn rows<const N: usize>(&self) -> FileResult<u64> {
         match self.shape[..] {
             [rows] if N == 1 => Ok(rows),
             [rows, width] if width == N as u64 => Ok(rows),
-            _ => Err(self.wrong_shape(root, &[self.shape.first().copied().unwrap_or(0), N as u64])),
+            _ => Err(self.wrong_shape(&[self.shape.first().copied().unwrap_or(0), N as u64])),
         }
     }
 
     /// Checks that the one chunk of an array of rows of N has the right length.
-    pub(super) fn check_size<const N: usize>(
-        &self,
-        root: &Path,
-        source: &dyn ReadRange,
-        element: ElementType,
-    ) -> FileResult<()> {
-        let rows = self.rows::<N>(root)?;
-        let key = chunk_key(&self.key, 0, self.shape.len());
-        let count = rows.checked_mul(N as u64).ok_or_else(|| self.wrong_shape(root, &[]))?;
-        if count == 0 { Ok(()) } else { check_chunk_size(source, &key, element, count) }
+    pub(super) fn check_size<T: Element, const N: usize>(&self, source: &dyn ReadRange) -> FileResult<()> {
+        let count = self.rows::<N>()?.checked_mul(N as u64).ok_or_else(|| self.wrong_shape(&[]))?;
+        if count == 0 { Ok(()) } else { check_chunk_size::<T>(source, &self.chunk(), count) }
     }
 
     /// Reads the one chunk of an array of rows of N.
-    pub(super) fn read<T: Element, const N: usize>(
-        &self,
-        root: &Path,
-        source: &dyn ReadRange,
-    ) -> FileResult<Vec<[T; N]>> {
-        let rows = self.rows::<N>(root)?;
-        read_rows(source, &chunk_key(&self.key, 0, self.shape.len()), rows)
+    pub(super) fn read<T: Element, const N: usize>(&self, source: &dyn ReadRange) -> FileResult<Vec<[T; N]>> {
+        read_rows(source, &self.chunk(), self.rows::<N>()?)
+    }
+
+    /// Key of the one chunk.
+    fn chunk(&self) -> String {
+        chunk_key(&self.key, 0, self.shape.len())
     }
 }
 

@@ -80,12 +80,12 @@ impl StoredField {
         for array in coding.iter().flat_map(|coding| coding.arrays(steps, vertices)) {
             let key = format!("{group}/{}", array.name);
             StoredArray::open(root, &key, array.element, array.chunking, array.shape.len())?
-                .expect_shape(root, &array.shape)?;
+                .expect_shape(&array.shape)?;
         }
         let key = format!("{group}/range_per_step");
         let ranges = StoredArray::open(root, &key, ElementType::F32, Chunking::Whole, 2)?
-            .expect_shape(root, &[steps, 2])?
-            .read::<f32, 2>(root, source)?;
+            .expect_shape(&[steps, 2])?
+            .read::<f32, 2>(source)?;
         let range_per_step = ranges
             .into_iter()
             .enumerate()
@@ -140,7 +140,7 @@ fn read_checksums(root: &Path, source: &Folder, group: &str, steps: u64) -> File
         return Ok(None);
     }
     let array = StoredArray::open(root, &key, ElementType::U32, Chunking::Whole, 1)?;
-    Ok(Some(array.expect_shape(root, &[steps])?.read::<u32, 1>(root, source)?.into_flattened()))
+    Ok(Some(array.expect_shape(&[steps])?.read::<u32, 1>(source)?.into_flattened()))
 }
 
 /// The checked range: `Some(None)` for NaN bounds (no finite value), `None` for an invalid range.
@@ -314,7 +314,7 @@ impl FieldReader {
         if !is_current(&array) {
             return Ok(None);
         }
-        let array = array.expect_shape(root, &spec.shape)?;
+        let array = array.expect_shape(&spec.shape)?;
         let row = |i: u64| -> FileResult<Vec<f64>> {
             Ok(read_rows::<f64, 1>(&**source, &chunk_key(&key, i, 2), array.shape[1])?.into_flattened())
         };

@@ -135,12 +135,10 @@ impl FieldReader {
         let [x, y] = AXES.map(|name| array.attributes.get(name));
         let empty = kind.empty([range_of(x?)?, range_of(y?)?]);
         let shape = [Kind::ROWS as u64, Histogram1d::BINS as u64];
-        let array = array.expect_shape(&self.series.root, &shape[2 - rank..]).ok()?;
+        let array = array.expect_shape(&shape[2 - rank..]).ok()?;
         let counts = match rank {
-            1 => array.read::<u64, 1>(&self.series.root, &*self.series.source).ok()?.into_flattened(),
-            _ => {
-                array.read::<u64, { Histogram1d::BINS }>(&self.series.root, &*self.series.source).ok()?.into_flattened()
-            }
+            1 => array.read::<u64, 1>(&*self.series.source).ok()?.into_flattened(),
+            _ => array.read::<u64, { Histogram1d::BINS }>(&*self.series.source).ok()?.into_flattened(),
         };
         let nonfinite = array.attributes.get(NONFINITE)?.as_u64()?;
         match &empty {

@@ -58,8 +58,8 @@ impl FieldReader {
     /// another version or number of steps.
     pub fn vertex_importance(&self) -> Option<Vec<f32>> {
         let array = self.open_lod(GLOBAL, ElementType::F32, 1)?;
-        let array = array.expect_shape(&self.series.root, &[self.vertex_count() as u64]).ok()?;
-        let values = array.read::<f32, 1>(&self.series.root, &*self.series.source).ok()?.into_flattened();
+        let array = array.expect_shape(&[self.vertex_count() as u64]).ok()?;
+        let values = array.read::<f32, 1>(&*self.series.source).ok()?.into_flattened();
         // No coefficient of variation is negative or NaN.
         values.iter().all(|&cov| cov >= 0.0).then_some(values)
     }
@@ -67,7 +67,7 @@ impl FieldReader {
     /// The `count` intervals of the series that were chosen at import, as [`Self::vertex_importance`].
     pub fn intervals(&self, count: usize) -> Option<Vec<Interval>> {
         let array = self.open_lod(&local(count), ElementType::U64, 2)?;
-        let rows = array.read::<u64, 3>(&self.series.root, &*self.series.source).ok()?;
+        let rows = array.read::<u64, 3>(&*self.series.source).ok()?;
         let interval = |row: [u64; 3]| {
             let [first, end, sampled] = row.map(|n| usize::try_from(n).ok());
             Some(Interval { first: first?, end: end?, sampled: sampled? })

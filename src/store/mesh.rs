@@ -105,9 +105,9 @@ impl StoredMesh {
         let attributes = layout::read_group(root, MESH)?;
         let points = open_array(root, "points", ElementType::F32, 2)?;
         let tets = open_array(root, "tets", ElementType::U32, 2)?;
-        let (vertices, cells) = (points.rows::<3>(root)?, tets.rows::<4>(root)?);
-        points.check_size::<3>(root, source, ElementType::F32)?;
-        tets.check_size::<4>(root, source, ElementType::U32)?;
+        let (vertices, cells) = (points.rows::<3>()?, tets.rows::<4>()?);
+        points.check_size::<f32, 3>(source)?;
+        tets.check_size::<u32, 4>(source)?;
         Ok(Self { points, tets, vertices, cells, attributes })
     }
 
@@ -119,8 +119,8 @@ impl StoredMesh {
             None => self.derive(root, source, &positions)?,
         };
         let read = |name: &str, rows: u64| -> FileResult<Vec<u32>> {
-            let array = open_array(root, name, ElementType::U32, 1)?.expect_shape(root, &[rows])?;
-            Ok(array.read::<u32, 1>(root, source)?.into_flattened())
+            let array = open_array(root, name, ElementType::U32, 1)?.expect_shape(&[rows])?;
+            Ok(array.read::<u32, 1>(source)?.into_flattened())
         };
         let vertex_source = read("vertex_permutation", self.vertices)?;
         let cell_source = read("cell_permutation", self.cells)?;
@@ -131,8 +131,8 @@ impl StoredMesh {
     /// The cells whose orientation the import reversed: none if there is no such array.
     fn read_turned(&self, root: &Path, source: &dyn ReadRange) -> FileResult<Vec<bool>> {
         if root.join(MESH).join(TURNED).exists() {
-            let array = open_array(root, TURNED, ElementType::U8, 1)?.expect_shape(root, &[self.cells])?;
-            return Ok(array.read::<u8, 1>(root, source)?.into_iter().map(|[turned]| turned != 0).collect());
+            let array = open_array(root, TURNED, ElementType::U8, 1)?.expect_shape(&[self.cells])?;
+            return Ok(array.read::<u8, 1>(source)?.into_iter().map(|[turned]| turned != 0).collect());
         }
         // The topology has this many cells.
         Ok(vec![false; usize::try_from(self.cells).unwrap_or_default()])
@@ -148,13 +148,13 @@ impl StoredMesh {
         let axis = |i: usize| number(attributes.get("origin").and_then(|o| o.get(i)), "origin");
         let origin = DVec3::new(axis(0)?, axis(1)?, axis(2)?);
         let scale = number(attributes.get("scale"), "scale")?;
-        let local = self.points.read::<f32, 3>(root, source)?.into_iter().map(Vec3::from_array).collect();
+        let local = self.points.read::<f32, 3>(source)?.into_iter().map(Vec3::from_array).collect();
         Positions::from_parts(origin, scale, local).map_err(|e| mesh_error(root, &e))
     }
 
     /// The topology with the derived arrays of the store; `None` if any of them cannot be used.
     fn read_derived(&self, root: &Path, source: &dyn ReadRange) -> FileResult<Option<Topology>> {
-        let tets = self.tets.read::<u32, 4>(root, source)?;
+        let tets = self.tets.read::<u32, 4>(source)?;
         let current = |name: &str| open_array(root, name, ElementType::U32, 2).ok().filter(is_current);
         let (Some(faces), Some(face_cells), Some(neighbours)) =
             (current("faces"), current("face_cells"), current("neighbours"))
@@ -162,7 +162,7 @@ impl StoredMesh {
             return Ok(None);
         };
         let (Ok(faces), Ok(face_cells), Ok(neighbours)) =
-            (faces.read(root, source), face_cells.read(root, source), neighbours.read(root, source))
+            (faces.read(source), face_cells.read(source), neighbours.read(source))
         else {
             return Ok(None);
         };
@@ -174,7 +174,7 @@ impl StoredMesh {
         let vertices = u32::try_from(self.vertices).map_err(|_| {
             FileError::unsupported(root, MESH, format!("has {} vertices: more than can be numbered", self.vertices))
         })?;
-        let tets = self.tets.read::<u32, 4>(root, source)?;
+        let tets = self.tets.read::<u32, 4>(source)?;
         let (topology, _non_manifold) =
             Topology::from_tets(vertices, tets, positions).map_err(|e| mesh_error(root, &e))?;
         Ok(topology)

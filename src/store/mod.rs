@@ -217,7 +217,7 @@ fn components_of(fields: &[StoredField], info: &StoredField) -> Vec<StoredField>
 fn read_times(root: &Path, source: &dyn ReadRange) -> FileResult<TimeAxis> {
     let key = format!("{TIME}/values");
     let array = StoredArray::open(root, &key, ElementType::F64, Chunking::Whole, 1)?;
-    let values = array.read::<f64, 1>(root, source)?.into_flattened();
+    let values = array.read::<f64, 1>(source)?.into_flattened();
     let invalid = |problem: String| Err(FileError::invalid(root.join(&key), "", problem));
     if values.is_empty() {
         return invalid("there is no step".to_owned());

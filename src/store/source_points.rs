@@ -72,15 +72,15 @@ pub(super) fn read(root: &Path, source: &dyn ReadRange, vertices: u64) -> FileRe
     }
     let open = |element| {
         let array = StoredArray::open(root, &format!("{MESH}/{NAME}"), element, Chunking::Whole, 2)?;
-        array.expect_shape(root, &[vertices, 3])
+        array.expect_shape(&[vertices, 3])
     };
     let error = match open(ElementType::F32) {
         Ok(array) => {
-            let points = array.read::<f32, 3>(root, source)?;
+            let points = array.read::<f32, 3>(source)?;
             return Ok(Some(points.into_iter().map(|p| Vec3::from_array(p).as_dvec3()).collect()));
         }
         Err(error) => error,
     };
     let Ok(array) = open(ElementType::F64) else { return Err(error) };
-    Ok(Some(array.read::<f64, 3>(root, source)?.into_iter().map(DVec3::from_array).collect()))
+    Ok(Some(array.read::<f64, 3>(source)?.into_iter().map(DVec3::from_array).collect()))
 }
