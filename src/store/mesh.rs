@@ -114,7 +114,7 @@ impl StoredMesh {
     /// Reads the mesh; derives faces and neighbours again if they are missing, damaged or of another version.
     pub(super) fn read(&self, root: &Path, source: &dyn ReadRange) -> FileResult<Mesh> {
         let positions = self.read_positions(root, source)?;
-        let topology = match self.read_derived(root, source)? {
+        let topology = match self.read_derived(root, source, self.tets.read(source)?) {
             Some(topology) => topology,
             None => self.derive(root, source, &positions)?,
         };
@@ -153,21 +153,12 @@ impl StoredMesh {
     }
 
     /// The topology with the derived arrays of the store; `None` if any of them cannot be used.
-    fn read_derived(&self, root: &Path, source: &dyn ReadRange) -> FileResult<Option<Topology>> {
-        let tets = self.tets.read::<u32, 4>(source)?;
-        let current = |name: &str| open_array(root, name, ElementType::U32, 2).ok().filter(is_current);
-        let (Some(faces), Some(face_cells), Some(neighbours)) =
-            (current("faces"), current("face_cells"), current("neighbours"))
-        else {
-            return Ok(None);
-        };
-        let (Ok(faces), Ok(face_cells), Ok(neighbours)) =
-            (faces.read(source), face_cells.read(source), neighbours.read(source))
-        else {
-            return Ok(None);
-        };
-        let Ok(vertices) = u32::try_from(self.vertices) else { return Ok(None) };
-        Ok(Topology::from_parts(vertices, tets, faces, face_cells, neighbours).ok())
+    fn read_derived(&self, root: &Path, source: &dyn ReadRange, tets: Vec<[u32; 4]>) -> Option<Topology> {
+        let vertices = u32::try_from(self.vertices).ok()?;
+        let faces = read_current(root, source, "faces")?;
+        let face_cells = read_current(root, source, "face_cells")?;
+        let neighbours = read_current(root, source, "neighbours")?;
+        Topology::from_parts(vertices, tets, faces, face_cells, neighbours).ok()
     }
 
     fn derive(&self, root: &Path, source: &dyn ReadRange, positions: &Positions) -> FileResult<Topology> {
@@ -175,14 +166,18 @@ impl StoredMesh {
             FileError::unsupported(root, MESH, format!("has {} vertices: more than can be numbered", self.vertices))
         })?;
         let tets = self.tets.read::<u32, 4>(source)?;
-        let (topology, _non_manifold) =
-            Topology::from_tets(vertices, tets, positions).map_err(|e| mesh_error(root, &e))?;
-        Ok(topology)
+        let derived = Topology::from_tets(vertices, tets, positions).map_err(|e| mesh_error(root, &e));
+        derived.map(|(topology, _non_manifold)| topology)
     }
 }
 
 fn mesh_error(root: &Path, error: &MeshError) -> FileError {
     FileError::invalid(root, MESH, error.to_string()).remedy("import the series again")
+}
+
+/// Reads a derived array of the mesh; `None` if it is missing, damaged or of another version.
+fn read_current<const N: usize>(root: &Path, source: &dyn ReadRange, name: &str) -> Option<Vec<[u32; N]>> {
+    open_array(root, name, ElementType::U32, 2).ok().filter(is_current)?.read(source).ok()
 }
 
 /// Opens an array of the mesh that is one chunk.
