@@ -45,7 +45,7 @@ impl StoredField {
 impl Store {
     /// Number of points and cells in the source of the mesh, dropped ones included; `None` if the store does not say.
     pub fn source_counts(&self) -> Option<[u64; 2]> {
-        let count = |name: &str| self.mesh.attributes.repair.get(name)?.as_u64();
+        let count = |name: &str| self.series.mesh.attributes.repair.get(name)?.as_u64();
         Some([count("vertices_in")?, count("cells_in")?])
     }
 
@@ -65,14 +65,14 @@ impl StoreWriter {
     pub fn append(store: &Store) -> FileResult<(Self, Vec<ResumedField>)> {
         layout::check_appendable(&store.root, &store.attributes)?;
         let target = std::fs::canonicalize(&store.root).map_err(|e| FileError::io(&store.root, "open", &e))?;
-        let resumed = store.fields.iter().map(|field| resume(store, field)).collect::<FileResult<Vec<_>>>()?;
+        let resumed = store.fields().iter().map(|field| resume(store, field)).collect::<FileResult<Vec<_>>>()?;
         let mut staging = Staging::begin(&target, true)?;
         staging.keep(|key| is_kept(key, store, &resumed))?;
         let mut writer = Self::at(staging);
-        writer.folders = store.fields.iter().map(|f| f.folder.clone()).collect();
+        writer.folders = store.fields().iter().map(|f| f.folder.clone()).collect();
         writer.revision = store.attributes.revision.saturating_add(1);
         writer.replaces = Some((target, store.stamp.clone()));
-        let fields = store.fields.iter().zip(resumed).map(|(field, resumed)| ResumedField {
+        let fields = store.fields().iter().zip(resumed).map(|(field, resumed)| ResumedField {
             writer: FieldWriter {
                 root: writer.staging.path().to_owned(),
                 folder: field.folder.clone(),
@@ -103,7 +103,7 @@ struct Resumed {
 fn resume(store: &Store, field: &StoredField) -> FileResult<Resumed> {
     let group = format!("{FIELDS}/{}", field.folder);
     let path = store.root.join(&group);
-    let steps = store.times.len();
+    let steps = store.times().len();
     let reader = store.field(&FieldSelector { name: field.name.clone(), component: None })?;
     let statistics = reader.vertex_statistics()?.ok_or_else(|| {
         let problem = "is missing or of another version: statistics cannot go on";
@@ -160,7 +160,7 @@ fn is_kept(key: &str, store: &Store, resumed: &[Resumed]) -> bool {
     }
     let Some(key) = key.strip_prefix(FIELDS).and_then(|key| key.strip_prefix('/')) else { return true };
     let Some((folder, key)) = key.split_once('/') else { return key != "zarr.json" };
-    let Some(i) = store.fields.iter().position(|f| f.folder == folder) else { return true };
+    let Some(i) = store.fields().iter().position(|f| f.folder == folder) else { return true };
     let renewed = ["range_per_step", CHECKSUM_PER_STEP, "moments", HISTOGRAMS, ERRORS_PER_STEP, ERRORS_PER_VERTEX];
     if key == "zarr.json" || renewed.iter().any(|name| within(key, name)) {
         return false;

@@ -62,21 +62,21 @@ pub struct VersionInfo {
 
 impl StoreInfo {
     pub(super) fn of(store: &Store) -> FileResult<Self> {
-        let times = &store.times.values;
+        let (mesh, times) = (&store.series.mesh, &store.times().values);
         let root = store.attributes.clone();
         Ok(Self {
             mesh: MeshInfo {
-                vertices: store.mesh.vertices,
-                cells: store.mesh.cells,
-                bounds: store.mesh.attributes.bounds,
-                repair: store.mesh.attributes.repair.clone(),
+                vertices: mesh.vertices,
+                cells: mesh.cells,
+                bounds: mesh.attributes.bounds,
+                repair: mesh.attributes.repair.clone(),
             },
             time: TimeInfo {
                 steps: times.len(),
                 first: times.first().copied().unwrap_or_default(),
                 last: times.last().copied().unwrap_or_default(),
             },
-            fields: store.fields.clone(),
+            fields: store.fields().to_vec(),
             bytes: bytes_on_disk(&store.root)?,
             version: VersionInfo {
                 store: root.tetreel_store,

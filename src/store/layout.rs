@@ -162,8 +162,8 @@ pub(super) fn check_appendable(root: &Path, attributes: &RootAttributes) -> File
     Err(FileError::unsupported(root, "zarr.json", problem).remedy("use that version, or a later one"))
 }
 
-/// Whether a folder is a tetreel store of any version.
-pub(super) fn is_store(path: &Path) -> bool {
+/// Whether `path` is a folder with a tetreel store of any version; reads its attributes only.
+pub fn is_store(path: &Path) -> bool {
     let file = path.join("zarr.json");
     let text = if file.is_file() { std::fs::read(file).unwrap_or_default() } else { Vec::new() };
     let Ok(json) = serde_json::from_slice::<serde_json::Value>(&text) else { return false };

@@ -36,6 +36,7 @@ mod writer;
 pub use append::ResumedField;
 pub use field::{FieldReader, StoredField};
 pub use info::{MeshInfo, StoreInfo, TimeInfo, VersionInfo};
+pub use layout::is_store;
 pub use lock::StoreLock;
 pub use source_points::SourcePoints;
 pub use writer::{FieldDescription, FieldWriter, StoreWriter, WrittenField};
@@ -49,7 +50,6 @@ use field::Series;
 use folder::Folder;
 use glam::DVec3;
 use layout::{FIELDS, FieldsAttributes, RootAttributes, TIME};
-use mesh::StoredMesh;
 use refresh::{OpenedSeries, Stamp};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -64,16 +64,8 @@ pub struct Store {
     root: PathBuf,
     source: Arc<Folder>,
     attributes: RootAttributes,
-    mesh: StoredMesh,
-    times: TimeAxis,
-    fields: Vec<StoredField>,
     stamp: Stamp,
     series: Arc<OpenedSeries>,
-}
-
-/// Whether `path` is a folder with a tetreel store of any version; reads its attributes only.
-pub fn is_store(path: &Path) -> bool {
-    layout::is_store(path)
 }
 
 impl Store {
@@ -87,13 +79,9 @@ impl Store {
 
     fn open_at(root: &Path, stamp: Stamp) -> FileResult<Self> {
         let attributes = layout::read_root(root)?;
-        let source = Arc::new(Folder::new(root));
-        let mesh = StoredMesh::open(root, &source)?;
-        let times = read_times(root, &*source)?;
-        let fields = open_fields(root, &source, times.len() as u64, mesh.vertices)?;
-        let series = Arc::new(OpenedSeries::of(&mesh, &times, &fields, &*source, &stamp));
+        let series = Arc::new(OpenedSeries::open(root, &stamp)?);
         let source = Arc::new(Folder::of_series(root, series.clone()));
-        Ok(Self { root: root.to_owned(), source, attributes, mesh, times, fields, stamp, series })
+        Ok(Self { root: root.to_owned(), source, attributes, stamp, series })
     }
 
     /// Folder of the store.
@@ -103,12 +91,12 @@ impl Store {
 
     /// Times of the steps, bit for bit as in the source.
     pub fn times(&self) -> &TimeAxis {
-        &self.times
+        &self.series.times
     }
 
     /// The fields, in the order of the source.
     pub fn fields(&self) -> &[StoredField] {
-        &self.fields
+        &self.series.fields
     }
 
     /// Reads the mesh. Faces and neighbours that are missing, damaged or of another version are derived again.
@@ -116,7 +104,7 @@ impl Store {
     /// # Errors
     /// If points, cells or permutations are missing or damaged, or do not make a mesh; if another series has taken the store's place.
     pub fn mesh(&self) -> FileResult<Mesh> {
-        let mesh = self.mesh.read(&self.root, &*self.source)?;
+        let mesh = self.series.mesh.read(&self.root, &*self.source)?;
         self.source.check()?;
         Ok(mesh)
     }
@@ -127,7 +115,7 @@ impl Store {
     /// # Errors
     /// If the array is damaged, or another series has taken the store's place.
     pub fn source_points(&self) -> FileResult<Option<Vec<DVec3>>> {
-        let points = source_points::read(&self.root, &*self.source, self.mesh.vertices)?;
+        let points = source_points::read(&self.root, &*self.source, self.series.mesh.vertices)?;
         self.source.check()?;
         Ok(points)
     }
@@ -151,25 +139,25 @@ impl Store {
 
     fn reader(&self, selector: &FieldSelector, cache: Option<Arc<BlockCache>>) -> FileResult<FieldReader> {
         let info = self.find(selector).ok_or_else(|| {
-            let names: Vec<&str> = self.fields.iter().map(|f| f.name.as_str()).collect();
+            let names: Vec<&str> = self.fields().iter().map(|f| f.name.as_str()).collect();
             let problem = format!("there is no field '{selector}'; the fields are: {}", names.join(", "));
             FileError::invalid(&self.root, "fields", problem)
         })?;
         // Both lengths were checked against the sizes of files.
-        let vertices = usize::try_from(self.mesh.vertices)
+        let vertices = usize::try_from(self.series.mesh.vertices)
             .map_err(|_| FileError::unsupported(&self.root, "mesh", "has too many vertices for this machine"))?;
-        let components = components_of(&self.fields, info);
+        let components = components_of(self.fields(), info);
         let source = self.source_of(info, &components)?;
-        let series = Series { root: self.root.clone(), source, steps: self.times.len(), vertices, cache };
+        let series = Series { root: self.root.clone(), source, steps: self.times().len(), vertices, cache };
         Ok(FieldReader::new(info.clone(), components, series))
     }
 
     /// Source of a field's chunks. A last short block is replaced when steps are added: its files are kept open.
     fn source_of(&self, info: &StoredField, components: &[StoredField]) -> FileResult<Arc<Folder>> {
         let fields = components.iter().chain([info]);
-        let keys: Vec<String> = fields
-            .flat_map(|field| field.unsettled_chunks(&self.source, self.times.len(), self.mesh.vertices as usize))
-            .collect();
+        let (steps, vertices) = (self.times().len(), self.series.mesh.vertices as usize);
+        let unsettled = |field: &StoredField| field.unsettled_chunks(&self.source, steps, vertices);
+        let keys: Vec<String> = fields.flat_map(unsettled).collect();
         if keys.is_empty() {
             return Ok(self.source.clone());
         }
@@ -182,7 +170,7 @@ impl Store {
     }
 
     fn find(&self, selector: &FieldSelector) -> Option<&StoredField> {
-        let named = |name: &str| self.fields.iter().find(|f| f.name == name);
+        let named = |name: &str| self.fields().iter().find(|f| f.name == name);
         named(&selector.to_string()).or_else(|| match selector.component {
             None => named(&format!("{}:mag", selector.name)),
             // Component 0 of a scalar is the scalar itself.

@@ -3,11 +3,11 @@
 //! A reader checks after opening a file whether the store was exchanged. If so, mesh, times, codec and a checksum of each step's values
 //! tell whether it is still the opened series: the reader goes on, or stops with an error.
 
-use super::Store;
 use super::field::StoredField;
-use super::folder::{EXCHANGE_LOOKS, EXCHANGE_PAUSE, SameSeries};
+use super::folder::{EXCHANGE_LOOKS, EXCHANGE_PAUSE, Folder, SameSeries};
 use super::layout::MESH;
 use super::mesh::StoredMesh;
+use super::{Store, open_fields, read_times};
 use crate::codec::{ReadRange, chunk_key};
 use crate::error::{FileError, FileResult};
 use crate::field::TimeAxis;
@@ -85,12 +85,10 @@ fn mesh_checksums(source: &dyn ReadRange) -> Vec<Option<[u8; 4]>> {
 /// The series of a store when it was opened, to check the store that is in its place now.
 #[derive(Debug)]
 pub(super) struct OpenedSeries {
-    vertices: u64,
-    cells: u64,
-    bounds: Option<[[f64; 3]; 2]>,
+    pub(super) mesh: StoredMesh,
     mesh_checksums: Vec<Option<[u8; 4]>>,
-    times: TimeAxis,
-    fields: Vec<StoredField>,
+    pub(super) times: TimeAxis,
+    pub(super) fields: Vec<StoredField>,
     /// The state of the store in which this series was last found.
     found_in: Mutex<Option<FileId>>,
 }
@@ -114,23 +112,14 @@ impl SameSeries for OpenedSeries {
 }
 
 impl OpenedSeries {
-    /// The series that `source` reads, with the state of its store.
-    pub(super) fn of(
-        mesh: &StoredMesh,
-        times: &TimeAxis,
-        fields: &[StoredField],
-        source: &dyn ReadRange,
-        stamp: &Stamp,
-    ) -> Self {
-        Self {
-            vertices: mesh.vertices,
-            cells: mesh.cells,
-            bounds: mesh.attributes.bounds,
-            mesh_checksums: mesh_checksums(source),
-            times: times.clone(),
-            fields: fields.to_vec(),
-            found_in: Mutex::new(stamp.id()),
-        }
+    /// The series of the store at `root`, which is in the state `stamp`.
+    pub(super) fn open(root: &Path, stamp: &Stamp) -> FileResult<Self> {
+        let source = Folder::new(root);
+        let mesh = StoredMesh::open(root, &source)?;
+        let times = read_times(root, &source)?;
+        let fields = open_fields(root, &source, times.len() as u64, mesh.vertices)?;
+        let mesh_checksums = mesh_checksums(&source);
+        Ok(Self { mesh, mesh_checksums, times, fields, found_in: Mutex::new(stamp.id()) })
     }
 
     fn is_not(root: &Path, what: &str) -> FileError {
@@ -141,7 +130,7 @@ impl OpenedSeries {
     fn check_continued_by(&self, store: &Store) -> FileResult<()> {
         let other = |what: &str| Err(Self::is_not(&store.root, what));
         let new = &store.series;
-        let counts = |series: &Self| (series.vertices, series.cells, series.bounds);
+        let counts = |series: &Self| (series.mesh.vertices, series.mesh.cells, series.mesh.attributes.bounds);
         if counts(self) != counts(new) || self.mesh_checksums != new.mesh_checksums {
             return other("another mesh");
         }

@@ -5,8 +5,8 @@ use super::array::write_metadata;
 use super::folder::{FolderSink, walk};
 use super::importance;
 use super::layout::{
-    self, CHECKSUM_PER_STEP, DERIVED_ATTRIBUTE, DERIVED_VERSION, ERRORS_PER_STEP, ERRORS_PER_VERTEX, FIELDS,
-    FieldAttributes, FieldsAttributes, RootAttributes, TIME, moments_array,
+    self, CHECKSUM_PER_STEP, ERRORS_PER_STEP, ERRORS_PER_VERTEX, FIELDS, FieldAttributes, FieldsAttributes,
+    RootAttributes, TIME, moments_array,
 };
 use super::mesh::{self, ArrayWriter, column};
 use super::names::FolderNames;
@@ -116,19 +116,14 @@ impl StoreWriter {
         FieldWriter { root, folder, description, content, checksums, sink }
     }
 
-    pub(super) fn write_fields(&self) -> FileResult<()> {
-        let attributes = FieldsAttributes { folders: self.folders.clone() };
-        layout::write_group(self.staging.path(), FIELDS, &attributes)
-    }
-
     /// Writes the attributes, makes everything durable and moves the store to its place. Returns the bytes on disk.
     /// `source` says what the series was read from, `notes` what was skipped.
     ///
     /// # Errors
     /// If a file cannot be written, the target was taken, or the continued store was changed meanwhile.
     pub fn finish(self, source: &str, notes: Vec<String>) -> FileResult<u64> {
-        self.write_fields()?;
         let root = self.staging.path();
+        layout::write_group(root, FIELDS, &FieldsAttributes { folders: self.folders.clone() })?;
         let attributes = RootAttributes {
             tetreel_store: layout::store_version(),
             tetreel: env!("CARGO_PKG_VERSION").to_owned(),
@@ -252,8 +247,7 @@ impl FieldWriter {
 
 fn write_moments(root: &Path, group: &str, statistics: &VertexStatistics) -> FileResult<u64> {
     let spec = moments_array(statistics.mean.len() as u64);
-    let attributes = Map::from_iter([(DERIVED_ATTRIBUTE.to_owned(), DERIVED_VERSION.into())]);
-    write_metadata(root, group, &spec, attributes)?;
+    write_metadata(root, group, &spec, mesh::derived())?;
     let mut sink = FolderSink::new(root.join(group));
     for (row, values) in (0..).zip([&statistics.mean, &statistics.variance, &statistics.finite_count]) {
         sink.put(&chunk_key(&spec.name, row, 2), &to_bytes(values))?;
