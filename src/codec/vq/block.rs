@@ -16,8 +16,6 @@
 use super::lookup::LookUp;
 use super::simd::widest;
 use super::{GROUPS, STEPS, group_of_step};
-use crate::codec::Stop;
-use crate::codec::stop::go_on;
 use crate::slowdown::{Slow, waste};
 use crate::task::Cancel;
 use pulp::NullaryFnOnce;
@@ -109,23 +107,9 @@ pub struct VqBlock {
 }
 
 impl VqBlock {
-    /// A block of these parts, with indices all below `entries`, the number of entries of both codebooks.
-    pub(super) fn new(parts: Encoded, entries: usize) -> Self {
-        Self::padded(parts, entries, &Cancel::new())
-    }
-
-    /// As [`Self::new`], unless `cancel` is raised: large codebooks take milliseconds to pad.
-    ///
-    /// # Errors
-    /// `Cancelled`.
-    pub(super) fn new_unless(parts: Encoded, entries: usize, cancel: &Cancel) -> Result<Self, Stop> {
-        let block = Self::padded(parts, entries, cancel);
-        go_on(cancel)?;
-        Ok(block)
-    }
-
-    /// The padded block; its codebooks lack rows if `cancel` was raised.
-    fn padded(mut parts: Encoded, entries: usize, cancel: &Cancel) -> Self {
+    /// A block of these parts, with indices all below `entries`, the number of entries of both codebooks. Once `cancel` is raised, its
+    /// codebooks lack rows: large ones take milliseconds to pad.
+    pub(super) fn new(mut parts: Encoded, entries: usize, cancel: &Cancel) -> Self {
         let padded = padded_len(entries);
         parts.cb8 = pad(parts.cb8, entries, padded, cancel);
         parts.cb64 = pad(parts.cb64, entries, padded, cancel);

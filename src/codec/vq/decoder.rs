@@ -77,100 +77,99 @@ impl VqDecoder {
             (Block::Raw(_), _) => unreachable!("under the key of this decoder are its blocks"),
         }
     }
+}
 
-    fn parts(&self, index: usize, bytes: &mut u64, cancel: &Cancel) -> Result<Encoded, Stop> {
-        let indices = if self.parameters.entries <= 256 {
-            Indices::Narrow([self.indices("i8", index, bytes, cancel)?, self.indices("i64", index, bytes, cancel)?])
+/// A block that is being read.
+struct BlockReader<'a> {
+    decoder: &'a VqDecoder,
+    index: usize,
+    cancel: &'a Cancel,
+    /// Bytes read so far.
+    bytes: u64,
+}
+
+impl BlockReader<'_> {
+    fn parts(&mut self) -> Result<Encoded, Stop> {
+        let (vertices, entries) = (self.decoder.vertices, self.decoder.parameters.entries as usize);
+        let indices = if entries <= 256 {
+            Indices::Narrow([self.indices("i8")?, self.indices("i64")?])
         } else {
-            Indices::Wide([self.indices("i8", index, bytes, cancel)?, self.indices("i64", index, bytes, cancel)?])
+            Indices::Wide([self.indices("i8")?, self.indices("i64")?])
         };
-        let entries = self.parameters.entries as usize;
         Ok(Encoded {
-            mean: self.row("mean", index, 2, self.vertices, bytes, cancel)?,
-            exponent: self.exponents(index, bytes, cancel)?,
+            mean: self.row(&self.key("mean", self.index, 2), vertices)?,
+            exponent: self.exponents()?,
             indices,
-            cb8: self.row("cb8", index, 3, GROUPS * entries, bytes, cancel)?,
-            cb64: self.row("cb64", index, 3, STEPS * entries, bytes, cancel)?,
-            runs: self.runs(index, bytes, cancel)?,
+            cb8: self.row(&self.key("cb8", self.index, 3), GROUPS * entries)?,
+            cb64: self.row(&self.key("cb64", self.index, 3), STEPS * entries)?,
+            runs: self.runs()?,
         })
     }
 
     fn key(&self, array: &str, index: usize, rank: usize) -> String {
-        chunk_key(&format!("{}/{array}", self.group_key), index as u64, rank)
+        chunk_key(&format!("{}/{array}", self.decoder.group_key), index as u64, rank)
     }
 
-    fn row<T: Element>(
-        &self,
-        array: &str,
-        index: usize,
-        rank: usize,
-        count: usize,
-        bytes: &mut u64,
-        cancel: &Cancel,
-    ) -> Result<Vec<T>, Stop> {
-        let rows = read_rows_unless::<T, 1>(&*self.source, &self.key(array, index, rank), count as u64, cancel)?;
-        *bytes += (count * size_of::<T>()) as u64;
+    fn row<T: Element>(&mut self, key: &str, count: usize) -> Result<Vec<T>, Stop> {
+        let rows = read_rows_unless::<T, 1>(&*self.decoder.source, key, count as u64, self.cancel)?;
+        self.bytes += (count * size_of::<T>()) as u64;
         Ok(rows.into_flattened())
     }
 
     /// Indices into a codebook, checked to be in range.
-    fn indices<T: Element + Into<u64>>(
-        &self,
-        array: &str,
-        index: usize,
-        bytes: &mut u64,
-        cancel: &Cancel,
-    ) -> Result<Vec<T>, Stop> {
-        let indices = self.row::<T>(array, index, 2, self.vertices, bytes, cancel)?;
+    fn indices<T: Element + Into<u64>>(&mut self, array: &str) -> Result<Vec<T>, Stop> {
+        let key = self.key(array, self.index, 2);
+        let indices = self.row::<T>(&key, self.decoder.vertices)?;
         for (i, part) in indices.chunks(CHECKED).enumerate() {
-            go_on(cancel)?;
-            if let Some(v) = part.iter().position(|&entry| entry.into() >= self.parameters.entries) {
+            go_on(self.cancel)?;
+            if let Some(v) = part.iter().position(|&entry| entry.into() >= self.decoder.parameters.entries) {
                 let problem = format!("vertex {} has an entry that the codebook lacks", i * CHECKED + v);
-                return Err(self.damaged(array, index, 2, problem).into());
+                return Err(self.damaged(&key, problem));
             }
         }
         Ok(indices)
     }
 
-    fn damaged(&self, array: &str, index: usize, rank: usize, problem: String) -> FileError {
-        FileError::invalid(self.source.path(&self.key(array, index, rank)), "chunk", problem)
-            .remedy("import the series again")
+    fn damaged(&self, key: &str, problem: String) -> Stop {
+        let error = FileError::invalid(self.decoder.source.path(key), "chunk", problem);
+        error.remedy("import the series again").into()
     }
 
-    /// Exponents of a block; all 0 if its chunk is missing.
-    fn exponents(&self, index: usize, bytes: &mut u64, cancel: &Cancel) -> Result<Vec<i8>, Stop> {
-        let key = self.key("exponent", index, 2);
-        if !self.parameters.exponents || !self.source.exists(&key)? {
+    /// Exponents of the block; all 0 if its chunk is missing.
+    fn exponents(&mut self) -> Result<Vec<i8>, Stop> {
+        let key = self.key("exponent", self.index, 2);
+        if !self.decoder.parameters.exponents || !self.decoder.source.exists(&key)? {
             return Ok(Vec::new());
         }
-        self.row("exponent", index, 2, self.vertices, bytes, cancel)
+        self.row(&key, self.decoder.vertices)
     }
 
-    fn runs(&self, index: usize, bytes: &mut u64, cancel: &Cancel) -> Result<Vec<SpecialRun>, Stop> {
-        let specials = self.parameters.specials;
-        if specials == 0 {
+    fn runs(&mut self) -> Result<Vec<SpecialRun>, Stop> {
+        let VqDecoder { source, parameters, steps, vertices, .. } = self.decoder;
+        if parameters.specials == 0 {
             return Ok(Vec::new());
         }
-        let blocks = self.steps.div_ceil(STEPS);
-        let starts: Vec<u64> = self.row("special_start", 0, 1, blocks + 1, bytes, cancel)?;
+        let (index, key) = (self.index, self.key("special_start", 0, 1));
+        let starts: Vec<u64> = self.row(&key, steps.div_ceil(STEPS) + 1)?;
         let range = starts[index]..starts[index + 1];
-        if range.start > range.end || range.end > specials {
-            return Err(self.damaged("special_start", 0, 1, format!("block {index} has no range of rows")).into());
+        if range.start > range.end || range.end > parameters.specials {
+            return Err(self.damaged(&key, format!("block {index} has no range of rows")));
         }
         let mut runs: Vec<SpecialRun> = Vec::new();
-        let chunk_rows = self.parameters.special_rows();
+        let chunk_rows = parameters.special_rows();
         for chunk in range.start / chunk_rows..range.end.div_ceil(chunk_rows) {
             let mut rows = vec![[0u32; 4]; chunk_rows as usize];
             let key = self.key("special", chunk as usize, 2);
-            *bytes += read_chunk_unless(&*self.source, &key, rows.as_flattened_mut(), cancel)?;
+            self.bytes += read_chunk_unless(&**source, &key, rows.as_flattened_mut(), self.cancel)?;
             let first = chunk * chunk_rows;
             let row = |at: u64| (at.saturating_sub(first).min(chunk_rows)) as usize;
             let rows = &rows[row(range.start)..row(range.end)];
             // Sorted up to here: only one run is checked again.
             let known = runs.len().saturating_sub(1);
             runs.extend(rows.iter().map(|&[vertex, first, count, bits]| SpecialRun { vertex, first, count, bits }));
-            if !runs[known..].is_sorted() || runs.last().is_some_and(|run| run.vertex as usize >= self.vertices) {
-                return Err(self.damaged("special", 0, 2, format!("rows of block {index} are not in order")).into());
+            if !runs[known..].is_sorted() || runs.last().is_some_and(|run| run.vertex as usize >= *vertices) {
+                let problem = format!("rows of block {index} are not in order");
+                return Err(self.damaged(&self.key("special", 0, 2), problem));
             }
         }
         Ok(runs)
@@ -193,11 +192,12 @@ impl BlockLoader for VqDecoder {
     }
 
     fn load(&self, index: usize, cancel: &Cancel) -> Result<LoadedBlock, Stop> {
-        let mut bytes_read = 0;
-        let parts = self.parts(index, &mut bytes_read, cancel);
-        let parts = parts.map_err(|stop| stop.at(|| format!("step {}", index * STEPS)))?;
-        let block = VqBlock::new_unless(parts, self.parameters.entries as usize, cancel)?;
-        Ok(LoadedBlock { bytes: block.bytes() as u64, block: Block::Vq(Arc::new(block)), bytes_read })
+        let mut reader = BlockReader { decoder: self, index, cancel, bytes: 0 };
+        let parts = reader.parts().map_err(|stop| stop.at(|| format!("step {}", index * STEPS)))?;
+        let block = VqBlock::new(parts, self.parameters.entries as usize, cancel);
+        // Once it is cancelled, the block may lack rows.
+        go_on(cancel)?;
+        Ok(LoadedBlock { bytes: block.bytes() as u64, block: Block::Vq(Arc::new(block)), bytes_read: reader.bytes })
     }
 }
 

@@ -6,6 +6,7 @@ use super::layout::{NAME, SPECIAL_ROWS, VqParameters};
 use super::{STEPS, VqOptions};
 use crate::codec::{ChunkSink, Encoder, ErrorTally, ReadRange, chunk_key, parse_chunk_key, read_rows, to_bytes};
 use crate::error::FileResult;
+use crate::task::Cancel;
 
 /// Buffers the steps of one block and writes the block when it is complete. Memory: 256 bytes a vertex for the block, about as much again
 /// during encoding (twice that with the exact search).
@@ -87,7 +88,7 @@ impl VqEncoder {
 
     /// The block as the decoder sees it, after finite values that overflow there have been turned into runs.
     fn verified(&self, parts: &mut Encoded, first_step: u32) -> VqBlock {
-        let block = VqBlock::new(parts.clone(), self.options.entries);
+        let block = VqBlock::new(parts.clone(), self.options.entries, &Cancel::new());
         // Only blocks with exponents can reach the largest numbers.
         if parts.exponent.is_empty() {
             return block;
@@ -113,7 +114,7 @@ impl VqEncoder {
         let added: Vec<SpecialRun> = parts.runs.drain(before..).filter(|run| !covered(run)).collect();
         parts.runs.extend(added);
         parts.runs.sort_unstable();
-        VqBlock::new(parts.clone(), self.options.entries)
+        VqBlock::new(parts.clone(), self.options.entries, &Cancel::new())
     }
 }
 

@@ -87,7 +87,7 @@ fn a_step_is_decoded_as_the_formula_says_for_every_width_of_the_codebook() {
         for own_scales in [false, true] {
             let options = VqOptions { own_scales, ..options(entries) };
             let parts = encode_block(&mut waves(steps, vertices), vertices, 0, &options);
-            let block = VqBlock::new(parts.clone(), entries);
+            let block = VqBlock::new(parts.clone(), entries, &Cancel::new());
             for j in [0, 7, 8, 63] {
                 let mut out = vec![0.0; vertices];
                 assert!(block.decode(j, j, &mut out, &Cancel::new()));
