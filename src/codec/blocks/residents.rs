@@ -26,7 +26,7 @@ impl Resident {
 }
 
 /// The blocks in memory, and the upcoming ones.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Residents {
     budget: u64,
     max_blocks: usize,
@@ -46,17 +46,7 @@ pub(super) struct Residents {
 
 impl Residents {
     pub(super) fn new(budget: u64, max_blocks: usize) -> Self {
-        Self {
-            budget,
-            max_blocks,
-            blocks: HashMap::new(),
-            upcoming: Vec::new(),
-            next_use: HashMap::new(),
-            failed: HashSet::new(),
-            surprises: HashMap::new(),
-            clock: 0,
-            statistics: CacheStatistics::default(),
-        }
+        Self { budget, max_blocks, ..Self::default() }
     }
 
     pub(super) fn budget(&self) -> u64 {

@@ -6,7 +6,7 @@ use crate::codec::{
     ArraySpec, BlockCache, Codec, CodecChoice, Coding, Decoder, Encoder, Encoding, ErrorTally, OptionText, PaperSize,
     StoredValues,
 };
-use crate::error::{FileError, FileResult};
+use crate::error::FileResult;
 use std::fmt;
 use std::sync::Arc;
 
@@ -96,10 +96,6 @@ impl Coding for VqParameters {
     }
 
     fn resume(&self, values: &StoredValues<'_>, errors: ErrorTally) -> FileResult<Box<dyn Encoder>> {
-        let StoredValues { source, group_key, steps, .. } = values;
-        let options = self.options().ok_or_else(|| {
-            FileError::unsupported(source.path(group_key), "codec_parameters", "do not say how the field was coded")
-        })?;
-        Ok(Box::new(VqEncoder::resume(&**source, group_key, self, options, *steps as u64, errors)?))
+        Ok(Box::new(VqEncoder::resume(values, self, errors)?))
     }
 }

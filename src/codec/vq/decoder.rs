@@ -26,7 +26,7 @@ pub struct VqDecoder {
     steps: usize,
     vertices: usize,
     id: DecoderId,
-    cache: Arc<BlockCache>,
+    pub(super) cache: Arc<BlockCache>,
 }
 
 impl VqDecoder {
@@ -49,11 +49,6 @@ impl VqDecoder {
     pub fn with_cache(mut self, cache: Arc<BlockCache>) -> Self {
         self.cache = cache;
         self
-    }
-
-    /// The cache of its blocks.
-    pub fn cache(&self) -> &Arc<BlockCache> {
-        &self.cache
     }
 
     /// The block that contains `step`, as its step `step % 64`; read if it is not in memory. For decoders on other processors: its parts

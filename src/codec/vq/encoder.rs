@@ -4,8 +4,10 @@ use super::block::{Encoded, Indices, SpecialRun, VqBlock};
 use super::encode::encode_block;
 use super::layout::{NAME, SPECIAL_ROWS, VqParameters};
 use super::{STEPS, VqOptions};
-use crate::codec::{ChunkSink, Encoder, ErrorTally, ReadRange, chunk_key, parse_chunk_key, read_rows, to_bytes};
-use crate::error::FileResult;
+use crate::codec::{
+    ChunkSink, Encoder, ErrorTally, ReadRange, StoredValues, chunk_key, parse_chunk_key, read_rows, to_bytes,
+};
+use crate::error::{FileError, FileResult};
 use crate::task::Cancel;
 
 /// Buffers the steps of one block and writes the block when it is complete. Memory: 256 bytes a vertex for the block, about as much again
@@ -41,32 +43,28 @@ impl VqEncoder {
         }
     }
 
-    /// An encoder that continues the field in the group `group_key` of `source`: `steps` steps coded with `parameters`. It begins after
-    /// their last complete block; the steps of a short block after it must first be pushed again, from the source. `tally` has the errors
-    /// of the complete blocks. The output is the same as from an encoder of all steps.
+    /// An encoder that continues a field that was coded with `parameters`. It begins after the last complete block of its values; the steps
+    /// of a short block after it must first be pushed again, from the source. `tally` has the errors of the complete blocks. The output is
+    /// the same as from an encoder of all steps.
     ///
     /// # Errors
-    /// If the special values of the complete blocks cannot be read.
+    /// If the parameters do not say how the field was coded, or the special values of the complete blocks cannot be read.
     ///
     /// # Panics
     /// As [`VqEncoder::new`].
-    pub fn resume(
-        source: &dyn ReadRange,
-        group_key: &str,
-        parameters: &VqParameters,
-        options: VqOptions,
-        steps: u64,
-        tally: ErrorTally,
-    ) -> FileResult<Self> {
-        let vertices = tally.parts().1.len();
-        let blocks = steps / STEPS as u64;
+    pub fn resume(values: &StoredValues<'_>, parameters: &VqParameters, tally: ErrorTally) -> FileResult<Self> {
+        let StoredValues { source, group_key, steps, vertices } = values;
+        let options = parameters.options().ok_or_else(|| {
+            FileError::unsupported(source.path(group_key), "codec_parameters", "do not say how the field was coded")
+        })?;
+        let blocks = (steps / STEPS) as u64;
         let key = format!("{group_key}/{NAME}");
-        let special = SpecialWriter::resume(source, &key, parameters, steps, blocks)?;
+        let special = SpecialWriter::resume(&**source, &key, parameters, *steps as u64)?;
         let mut exponents = false;
         for block in (0..blocks).filter(|_| parameters.exponents) {
             exponents = exponents || source.exists(&chunk_key(&format!("{key}/exponent"), block, 2))?;
         }
-        Ok(Self { blocks, exponents, special, tally, ..Self::new(vertices, options) })
+        Ok(Self { blocks, exponents, special, tally, ..Self::new(*vertices, options) })
     }
 
     fn write_block(&mut self, sink: &mut dyn ChunkSink) -> FileResult<()> {
@@ -121,17 +119,13 @@ impl VqEncoder {
 fn write_parts(parts: &Encoded, block: u64, sink: &mut dyn ChunkSink) -> FileResult<()> {
     let mut put =
         |name: &str, rank: usize, bytes: &[u8]| sink.put(&chunk_key(&format!("{NAME}/{name}"), block, rank), bytes);
+    let [i8, i64] = match &parts.indices {
+        Indices::Narrow(lists) => lists.each_ref().map(|list| to_bytes(list)),
+        Indices::Wide(lists) => lists.each_ref().map(|list| to_bytes(list)),
+    };
     put("mean", 2, &to_bytes(&parts.mean))?;
-    match &parts.indices {
-        Indices::Narrow(lists) => {
-            put("i8", 2, &to_bytes(&lists[0]))?;
-            put("i64", 2, &to_bytes(&lists[1]))?;
-        }
-        Indices::Wide(lists) => {
-            put("i8", 2, &to_bytes(&lists[0]))?;
-            put("i64", 2, &to_bytes(&lists[1]))?;
-        }
-    }
+    put("i8", 2, &i8)?;
+    put("i64", 2, &i64)?;
     put("cb8", 3, &to_bytes(&parts.cb8))?;
     put("cb64", 3, &to_bytes(&parts.cb64))?;
     // If all are 0 the chunk is omitted: Zarr's fill value is the exponent 0.
@@ -149,20 +143,15 @@ struct SpecialWriter {
 }
 
 impl SpecialWriter {
-    /// A writer with the rows of the first `blocks` blocks of a store with `steps` steps.
-    fn resume(
-        source: &dyn ReadRange,
-        vq_key: &str,
-        parameters: &VqParameters,
-        steps: u64,
-        blocks: u64,
-    ) -> FileResult<Self> {
+    /// A writer with the rows of the complete blocks of a store with `steps` steps.
+    fn resume(source: &dyn ReadRange, vq_key: &str, parameters: &VqParameters, steps: u64) -> FileResult<Self> {
+        let blocks = steps as usize / STEPS;
         let mut starts = parameters.special_starts(source, vq_key, steps)?;
         if starts.is_empty() {
-            return Ok(Self { starts: vec![0; blocks as usize], ..Self::default() });
+            return Ok(Self { starts: vec![0; blocks], ..Self::default() });
         }
-        let count = starts[blocks as usize];
-        starts.truncate(blocks as usize);
+        let count = starts[blocks];
+        starts.truncate(blocks);
         let chunks = count / SPECIAL_ROWS;
         let left = (count % SPECIAL_ROWS) as usize;
         let mut rows = Vec::new();

@@ -427,7 +427,7 @@ fn sound_chunks_with_senseless_content_are_refused() {
 }
 
 fn resident(coded: &Coded) -> u64 {
-    coded.decoder.cache().statistics().resident_bytes
+    coded.decoder.cache.statistics().resident_bytes
 }
 
 #[test]
