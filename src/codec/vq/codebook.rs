@@ -149,31 +149,37 @@ fn split(vectors: &Tiles, count: usize) -> Entries {
     Entries { dims: vectors.dims, rows }
 }
 
-/// Moves each centroid except the zero vector to the mean of its vectors.
+/// Moves each centroid except the zero vector to the mean of its vectors, or to the vector with the largest error if it has none.
 fn update(vectors: &Tiles, found: &Assignment, entries: &mut Entries) {
+    let members = to_means(vectors, &found.entry, entries);
+    let empty: Vec<usize> = (1..members.len()).filter(|&k| members[k] == 0).collect();
+    for (k, v) in empty.iter().zip(worst(found, empty.len())) {
+        (0..vectors.dims).for_each(|d| entries.rows[k * vectors.dims + d] = vectors.get(v, d));
+    }
+}
+
+/// Moves the entries except the zero vector to the means of their vectors; returns the number of vectors of each entry.
+pub(super) fn to_means(vectors: &Tiles, indices: &[u16], entries: &mut Entries) -> Vec<u32> {
     let (dims, count) = (vectors.dims, entries.len());
     let mut members = vec![0u32; count];
-    found.entry.iter().for_each(|&k| members[usize::from(k)] += 1);
+    indices.iter().for_each(|&k| members[usize::from(k)] += 1);
     // One component of all vectors after the other: each sum has a fixed order on any number of threads.
     let sums: Vec<Vec<f64>> = (0..dims)
         .into_par_iter()
         .map(|d| {
             let mut sums = vec![0.0f64; count];
-            for (v, &k) in found.entry.iter().enumerate() {
+            for (v, &k) in indices.iter().enumerate() {
                 sums[usize::from(k)] += f64::from(vectors.get(v, d));
             }
             sums
         })
         .collect();
-    let empty: Vec<usize> = (1..count).filter(|&k| members[k] == 0).collect();
     for k in (1..count).filter(|&k| members[k] > 0) {
         for (d, sums) in sums.iter().enumerate() {
             entries.rows[k * dims + d] = (sums[k] / f64::from(members[k])) as f32;
         }
     }
-    for (k, v) in empty.iter().zip(worst(found, empty.len())) {
-        (0..dims).for_each(|d| entries.rows[k * dims + d] = vectors.get(v, d));
-    }
+    members
 }
 
 /// The `count` vectors farthest from their entries, the farthest first.

@@ -38,19 +38,13 @@ fn choose(options: &[OptionText<'_>]) -> Result<CodecChoice, String> {
             _ => return Err(format!("codec {NAME} has no option '{name}'")),
         }
     }
-    Ok(chosen.into())
+    Ok(CodecChoice::new(chosen))
 }
 
 impl fmt::Display for VqOptions {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let relative = if self.own_scales { ", relative" } else { "" };
         write!(f, "{NAME} with {} entries, {} search{relative}", self.entries, self.search.as_str())
-    }
-}
-
-impl From<VqOptions> for CodecChoice {
-    fn from(options: VqOptions) -> Self {
-        Self::new(options)
     }
 }
 
@@ -75,7 +69,7 @@ impl Coding for VqParameters {
     }
 
     fn choice(&self) -> Option<CodecChoice> {
-        self.options().map(CodecChoice::from)
+        self.options().map(CodecChoice::new)
     }
 
     fn arrays(&self, steps: u64, vertices: u64) -> Vec<ArraySpec> {

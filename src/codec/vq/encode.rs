@@ -18,7 +18,7 @@
 //! All sums have a fixed order: the result is the same for any number of threads.
 
 use super::block::{Encoded, Indices, power};
-use super::codebook::train;
+use super::codebook::{to_means, train};
 use super::pca::{Basis, Vector};
 use super::prepare::{Prepared, Unit, take_specials};
 use super::search::{Entries, nearest};
@@ -102,24 +102,6 @@ pub(super) fn encode_block(values: &mut [f32], vertices: usize, first_step: u32,
 fn sample(from: &[u32], count: usize) -> Vec<u32> {
     let count = count.min(from.len());
     (0..count).map(|i| from[i * from.len() / count]).collect()
-}
-
-/// Moves the entries except the zero vector to the means of their vectors.
-fn to_means(vectors: &Tiles, indices: &[u16], entries: &mut Entries) {
-    let columns: Vec<Vec<f32>> = (0..vectors.dims)
-        .into_par_iter()
-        .map(|d| means(entries.len(), indices.iter().enumerate().map(|(v, &k)| (k, vectors.get(v, d)))))
-        .collect();
-    let members = members(indices, entries.len());
-    for k in (1..entries.len()).filter(|&k| members[k] > 0) {
-        columns.iter().enumerate().for_each(|(d, column)| entries.rows[k * vectors.dims + d] = column[k]);
-    }
-}
-
-fn members(indices: &[u16], entries: usize) -> Vec<u32> {
-    let mut members = vec![0u32; entries];
-    indices.iter().for_each(|&k| members[usize::from(k)] += 1);
-    members
 }
 
 /// Means of numbers by entry; -0 for entry 0 and for entries without numbers. Adding -0 changes nothing: 0 would turn a constant -0 into 0.
