@@ -1,5 +1,7 @@
 //! The number types of files, and typed views of byte buffers.
 
+use crate::words::words;
+
 /// A number type as the `type` attribute of a `DataArray` names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Number {
@@ -15,6 +17,23 @@ pub(super) enum Number {
     Float64,
 }
 
+words!(
+    Number,
+    "there is no type of numbers",
+    [
+        "Int8" = Int8,
+        "UInt8" = UInt8,
+        "Int16" = Int16,
+        "UInt16" = UInt16,
+        "Int32" = Int32,
+        "UInt32" = UInt32,
+        "Int64" = Int64,
+        "UInt64" = UInt64,
+        "Float32" = Float32,
+        "Float64" = Float64
+    ]
+);
+
 /// Runs `$body` with `$T` being the Rust type of `$number`, so that the match stays outside of the loops.
 macro_rules! with_type {
     ($number:expr, $T:ident => $body:expr) => {
@@ -26,47 +45,18 @@ macro_rules! with_type {
         match $number { $(Number::$name => { type $T = $rust; $body })* }
     };
 }
+pub(super) use with_type;
 
 impl Number {
-    /// The type of a VTK name; `None` for types without whole bytes or numbers (`String`, `Bit`).
-    pub(super) fn from_name(name: &str) -> Option<Self> {
-        Some(match name {
-            "Int8" => Self::Int8,
-            "UInt8" => Self::UInt8,
-            "Int16" => Self::Int16,
-            "UInt16" => Self::UInt16,
-            "Int32" => Self::Int32,
-            "UInt32" => Self::UInt32,
-            "Int64" => Self::Int64,
-            "UInt64" => Self::UInt64,
-            "Float32" => Self::Float32,
-            "Float64" => Self::Float64,
-            _ => return None,
-        })
-    }
-
     /// The integer type of this many bytes.
     pub(super) fn integer(bytes: u8, signed: bool) -> Option<Self> {
-        Some(match (bytes, signed) {
-            (1, true) => Self::Int8,
-            (1, false) => Self::UInt8,
-            (2, true) => Self::Int16,
-            (2, false) => Self::UInt16,
-            (4, true) => Self::Int32,
-            (4, false) => Self::UInt32,
-            (8, true) => Self::Int64,
-            (8, false) => Self::UInt64,
-            _ => return None,
-        })
+        let kind = if signed { "Int" } else { "UInt" };
+        format!("{kind}{}", 8 * u32::from(bytes)).parse().ok()
     }
 
     /// The float type of this many bytes.
     pub(super) fn float(bytes: u8) -> Option<Self> {
-        match bytes {
-            4 => Some(Self::Float32),
-            8 => Some(Self::Float64),
-            _ => None,
-        }
+        format!("Float{}", 8 * u32::from(bytes)).parse().ok()
     }
 
     /// Bytes of one number.

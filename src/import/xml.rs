@@ -2,6 +2,7 @@
 
 use quick_xml::events::BytesStart;
 use std::borrow::Cow;
+use std::str::FromStr;
 
 /// The attributes of a tag. VTK writes names unescaped, so `<`, `>` and `&` in a value stand for themselves; the five
 /// entities and numeric references of XML are still resolved.
@@ -34,7 +35,7 @@ impl Attributes {
     ///
     /// # Errors
     /// If it is not a count.
-    pub(super) fn count(&self, key: &str) -> Result<Option<usize>, String> {
+    pub(super) fn count<T: FromStr>(&self, key: &str) -> Result<Option<T>, String> {
         let Some(text) = self.get(key) else { return Ok(None) };
         text.trim().parse().map(Some).map_err(|_| format!("{key}=\"{text}\" is no count"))
     }

@@ -277,7 +277,7 @@ impl Parser<'_> {
                 .remedy("write one .vtu file a step and list them in a .pvd file"));
         }
         let type_name = attributes.get("type").ok_or_else(|| invalid("lacks its type".to_owned()))?;
-        let Some(number) = Number::from_name(type_name) else {
+        let Ok(number) = type_name.parse::<Number>() else {
             if matches!(parent, "PointData" | "CellData") {
                 self.skip_array(name);
                 return Ok(());

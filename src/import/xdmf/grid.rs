@@ -153,9 +153,7 @@ impl Topology {
             _ => return Err(document.unsupported(id, "has several arrays, which is not read")),
         };
         let cells = cell_count(document, id, name, connectivity.as_ref())?;
-        let base = document.attribute(id, "BaseOffset").map_or(Ok(0), |text| {
-            text.trim().parse().map_err(|_| document.invalid(id, format!("BaseOffset=\"{text}\" is no count")))
-        })?;
+        let base = document.count(id, "BaseOffset")?.unwrap_or(0);
         Ok(Self { id, shape, cells, connectivity, base })
     }
 }

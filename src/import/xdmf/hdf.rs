@@ -2,12 +2,12 @@
 //!
 //! The file is reopened for each data set: the reader caches decoded data sets while it is open, so a series would accumulate in memory.
 
-use super::super::numbers::Number;
-use super::items::Slab;
+use super::super::numbers::{Number, with_type};
+use super::items::{ItemBytes, SlabAxis, product};
 use crate::error::{FileError, FileResult};
 use crate::files;
 use hdf5_reader::error::ByteOrder;
-use hdf5_reader::{Dataset, Datatype, H5Type, Hdf5File, SliceInfo, SliceInfoElem};
+use hdf5_reader::{Dataset, Datatype, Hdf5File, SliceInfo, SliceInfoElem};
 use std::path::Path;
 
 /// Most decoded bytes per byte of the file: deflate's limit.
@@ -15,19 +15,12 @@ const RATIO_MAX: u64 = 1032;
 /// Bytes of a data set allowed whatever the size of the file: unwritten ones have their fill value.
 const UNWRITTEN_MAX: u64 = 64 << 20;
 
-/// The numbers of a data set.
-pub(super) struct HdfArray {
-    pub(super) number: Number,
-    pub(super) big_endian: bool,
-    pub(super) bytes: Vec<u8>,
-}
-
 /// Reads the data set `name`, which must have the shape `dims` (axes of length 1 do not count; a flat list has any
 /// shape), or the part of it that `slab` selects.
 ///
 /// # Errors
 /// If there is no such file or data set, it is damaged, has another shape, is not numeric, or has an unsupported encoding.
-pub(super) fn read(path: &Path, name: &str, dims: &[u64], slab: Option<&Slab>) -> FileResult<HdfArray> {
+pub(super) fn read(path: &Path, name: &str, dims: &[u64], slab: Option<&[SlabAxis]>) -> FileResult<ItemBytes> {
     let place = || format!("data set '{name}'");
     let damaged = |e: hdf5_reader::error::Error| failure(path, place(), &e);
     files::check_kind(path)?;
@@ -49,11 +42,11 @@ pub(super) fn read(path: &Path, name: &str, dims: &[u64], slab: Option<&Slab>) -
     }
     let Some(slab) = slab else {
         let bytes = dataset.read_raw_bytes().map_err(damaged)?;
-        return Ok(HdfArray { number, big_endian, bytes });
+        return Ok(ItemBytes { number, big_endian, bytes });
     };
     let selection = selection(slab, dataset.shape()).map_err(invalid)?;
     let bytes = read_slab(&dataset, number, &selection).map_err(damaged)?;
-    Ok(HdfArray { number, big_endian: false, bytes })
+    Ok(ItemBytes { number, big_endian: false, bytes })
 }
 
 /// The reader's error as a [`FileError`], by kind.
@@ -97,16 +90,15 @@ fn number_of(dtype: &Datatype) -> Result<(Number, bool), String> {
 fn is_same_shape(a: &[u64], b: &[u64]) -> bool {
     let real = |shape: &[u64]| shape.iter().copied().filter(|&d| d != 1).collect::<Vec<_>>();
     let (a, b) = (real(a), real(b));
-    let count = |shape: &[u64]| shape.iter().try_fold(1_u64, |n, &d| n.checked_mul(d));
-    a == b || ((a.len() <= 1 || b.len() <= 1) && count(&a) == count(&b))
+    a == b || ((a.len() <= 1 || b.len() <= 1) && product(&a) == product(&b))
 }
 
-fn selection(slab: &Slab, shape: &[u64]) -> Result<SliceInfo, String> {
-    if slab.axes.len() != shape.len() {
-        return Err(format!("has {} axes, and the HyperSlab {}", shape.len(), slab.axes.len()));
+fn selection(slab: &[SlabAxis], shape: &[u64]) -> Result<SliceInfo, String> {
+    if slab.len() != shape.len() {
+        return Err(format!("has {} axes, and the HyperSlab {}", shape.len(), slab.len()));
     }
     let mut selections = Vec::new();
-    for (axis, &length) in slab.axes.iter().zip(shape) {
+    for (axis, &length) in slab.iter().zip(shape) {
         let end = axis.end().filter(|&end| end <= length);
         let end = end.ok_or_else(|| format!("has the shape {shape:?}, and the HyperSlab reaches beyond it"))?;
         selections.push(SliceInfoElem::Slice { start: axis.start, end, step: axis.stride });
@@ -116,25 +108,10 @@ fn selection(slab: &Slab, shape: &[u64]) -> Result<SliceInfo, String> {
 
 /// The selected numbers as little-endian bytes.
 fn read_slab(dataset: &Dataset, number: Number, selection: &SliceInfo) -> hdf5_reader::error::Result<Vec<u8>> {
-    fn run<T: H5Type, const N: usize>(
-        dataset: &Dataset,
-        selection: &SliceInfo,
-        to_bytes: fn(&T) -> [u8; N],
-    ) -> hdf5_reader::error::Result<Vec<u8>> {
-        Ok(dataset.read_slice::<T>(selection)?.iter().flat_map(to_bytes).collect())
-    }
-    match number {
-        Number::Int8 => run(dataset, selection, |v: &i8| v.to_le_bytes()),
-        Number::UInt8 => run(dataset, selection, |v: &u8| v.to_le_bytes()),
-        Number::Int16 => run(dataset, selection, |v: &i16| v.to_le_bytes()),
-        Number::UInt16 => run(dataset, selection, |v: &u16| v.to_le_bytes()),
-        Number::Int32 => run(dataset, selection, |v: &i32| v.to_le_bytes()),
-        Number::UInt32 => run(dataset, selection, |v: &u32| v.to_le_bytes()),
-        Number::Int64 => run(dataset, selection, |v: &i64| v.to_le_bytes()),
-        Number::UInt64 => run(dataset, selection, |v: &u64| v.to_le_bytes()),
-        Number::Float32 => run(dataset, selection, |v: &f32| v.to_le_bytes()),
-        Number::Float64 => run(dataset, selection, |v: &f64| v.to_le_bytes()),
-    }
+    with_type!(number, T => {
+        let selected = dataset.read_slice::<T>(selection)?;
+        Ok(selected.iter().flat_map(|number| number.to_le_bytes()).collect())
+    })
 }
 
 #[cfg(test)]

@@ -21,8 +21,8 @@ pub(super) struct Item {
     number: Number,
     big_endian: bool,
     source: Source,
-    /// The selected part of the source, which then has shape `source_dims`.
-    slab: Option<Slab>,
+    /// The selected part of the source, axis by axis; the source then has shape `source_dims`.
+    slab: Option<Vec<SlabAxis>>,
     source_dims: Vec<u64>,
 }
 
@@ -38,12 +38,6 @@ enum Source {
         file: PathBuf,
         seek: u64,
     },
-}
-
-/// A selection of an array, axis by axis.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub(super) struct Slab {
-    pub(super) axes: Vec<SlabAxis>,
 }
 
 /// Indices `start`, `start + stride`, ... of one axis.
@@ -67,9 +61,9 @@ impl SlabAxis {
 
 /// The bytes of an array and their type.
 pub(crate) struct ItemBytes {
-    number: Number,
-    big_endian: bool,
-    bytes: Vec<u8>,
+    pub(super) number: Number,
+    pub(super) big_endian: bool,
+    pub(super) bytes: Vec<u8>,
 }
 
 impl ItemBytes {
@@ -136,9 +130,7 @@ impl Item {
         if let Some(other) = document.attribute(id, "Compression").filter(|c| !c.eq_ignore_ascii_case("Raw")) {
             return Err(document.unsupported(id, format!("Compression=\"{other}\" is not read")));
         }
-        let seek = document.attribute(id, "Seek").map_or(Ok(0), |text| {
-            text.trim().parse().map_err(|_| document.invalid(id, format!("Seek=\"{text}\" is no count")))
-        })?;
+        let seek = document.count(id, "Seek")?.unwrap_or(0);
         let file = document.text(id);
         if file.is_empty() {
             return Err(document.invalid(id, "names no file"));
@@ -176,7 +168,7 @@ impl Item {
         {
             return Err(document.invalid(id, format!("selects {dims:?}, but its Dimensions are {said:?}")));
         }
-        Ok(Self { id, dims, slab: Some(Slab { axes }), ..source })
+        Ok(Self { id, dims, slab: Some(axes), ..source })
     }
 
     /// Number of elements; `None` if it overflows.
@@ -206,8 +198,7 @@ impl Item {
         waste(Slow::ReadXdmf, self.len().unwrap_or(0) as usize);
         let array = match &self.source {
             Source::Hdf { file, dataset } => {
-                let array = hdf::read(file, dataset, &self.source_dims, self.slab.as_ref())?;
-                return Ok(ItemBytes { number: array.number, big_endian: array.big_endian, bytes: array.bytes });
+                return hdf::read(file, dataset, &self.source_dims, self.slab.as_deref());
             }
             Source::Inline(ranges) => {
                 let bytes = parse_ascii(number, document.numbers(ranges).as_bytes())
@@ -241,7 +232,8 @@ fn beside(document: &Document, name: &str) -> PathBuf {
     if path.exists() { path } else { Some(folder.join(name.replace('\\', "/"))).filter(|p| p.exists()).unwrap_or(path) }
 }
 
-fn product(dims: &[u64]) -> Option<u64> {
+/// Number of elements of an array of this shape; `None` if it overflows.
+pub(super) fn product(dims: &[u64]) -> Option<u64> {
     dims.iter().try_fold(1_u64, |n, &d| n.checked_mul(d))
 }
 
@@ -256,9 +248,8 @@ fn dims_of(document: &Document, id: Id) -> FileResult<Option<Vec<u64>>> {
 /// Number type from type and width. `DataType` is the attribute's name in version 2, and in files of meshio.
 fn number_of(document: &Document, id: Id) -> FileResult<Number> {
     let name = document.either(id, &["NumberType", "DataType"]).unwrap_or("Float");
-    let precision = document.attribute(id, "Precision").map(|text| text.trim().parse::<u8>().map_err(|_| text));
+    let precision: Option<u8> = document.count(id, "Precision")?;
     let invalid = |text: String| document.invalid(id, text);
-    let precision = precision.transpose().map_err(|text| invalid(format!("Precision=\"{text}\" is no count")))?;
     let number = match name.to_ascii_lowercase().as_str() {
         "float" => Number::float(precision.unwrap_or(4)),
         "int" => Number::integer(precision.unwrap_or(4), true),
@@ -293,10 +284,10 @@ fn read_binary(path: &Path, seek: u64, count: Option<u64>, size: usize) -> FileR
 }
 
 /// The selected elements of `size` bytes each; the selection lies within the shape.
-fn select(bytes: &[u8], size: usize, dims: &[u64], slab: &Slab) -> Vec<u8> {
+fn select(bytes: &[u8], size: usize, dims: &[u64], slab: &[SlabAxis]) -> Vec<u8> {
     // Offsets, in elements, selected by the axes so far.
     let mut offsets = vec![0_usize];
-    for (axis, &length) in slab.axes.iter().zip(dims) {
+    for (axis, &length) in slab.iter().zip(dims) {
         let of_axis = |base: &usize| {
             let base = base * length as usize;
             (0..axis.count).map(move |i| base + (axis.start + i * axis.stride) as usize)

@@ -12,6 +12,7 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::sync::{Mutex, PoisonError};
 
 /// Index of an element; 0 is the document itself.
@@ -64,6 +65,11 @@ impl Document {
 
     pub(super) fn attribute(&self, id: Id, key: &str) -> Option<&str> {
         self.elements[id].attributes.get(key)
+    }
+
+    /// An attribute as a count; `None` if it is absent.
+    pub(super) fn count<T: FromStr>(&self, id: Id, key: &str) -> FileResult<Option<T>> {
+        self.elements[id].attributes.count(key).map_err(|problem| self.invalid(id, problem))
     }
 
     /// The first of these attributes that exists: versions of the format differ in their names.
