@@ -57,7 +57,8 @@ pub(super) struct GridReader {
     pub(super) cells: usize,
     /// Number of skipped cells by type.
     skipped: BTreeMap<u8, usize>,
-    ghosts: usize,
+    /// Number of skipped duplicates of another piece's cells.
+    pub(super) ghosts: usize,
 }
 
 impl GridReader {
@@ -75,21 +76,11 @@ impl GridReader {
             .remedy("correct the count if it is wrong, or import a part of the mesh"))
     }
 
-    /// Counts a skipped cell without volume, by its VTK type.
-    pub(super) fn skip(&mut self, cell_type: u8) {
-        self.skip_many(cell_type, 1);
-    }
-
-    /// Counts skipped cells without volume.
-    pub(super) fn skip_many(&mut self, cell_type: u8, cells: usize) {
+    /// Counts skipped cells without volume, by their VTK type.
+    pub(super) fn skip(&mut self, cell_type: u8, cells: usize) {
         if cells > 0 {
             *self.skipped.entry(cell_type).or_default() += cells;
         }
-    }
-
-    /// Counts a skipped duplicate of another piece's cell.
-    pub(super) fn skip_ghost(&mut self) {
-        self.ghosts += 1;
     }
 
     /// Adds cell `cell` of the current piece, which has `points` points, the first of them `first_point`.

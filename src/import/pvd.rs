@@ -1,6 +1,6 @@
 //! Reader of `.pvd` files: ParaView's list of the files of a series, each with its time.
 
-use super::format::Format;
+use super::format::{Format, extension};
 use super::series::Series;
 use super::vtu::VtuStep;
 use super::xml::{Attributes, same_length_utf8};
@@ -63,7 +63,7 @@ fn read(path: &Path) -> FileResult<(Vec<Step>, Vec<String>)> {
     let bytes = files::read(path)?;
     let mut entries = parse(path, &bytes)?;
     let all = entries.len();
-    entries.retain(|entry| extension(&entry.file) != "vtp");
+    entries.retain(|entry| extension(Path::new(&entry.file)) != "vtp");
     let mut notes = Vec::new();
     if entries.len() < all {
         notes.push(format!("skipped {} entries that are surfaces (.vtp)", all - entries.len()));
@@ -148,15 +148,11 @@ fn entry(index: usize, attributes: &Attributes) -> Result<Entry, String> {
     })
 }
 
-fn extension(file: &str) -> String {
-    Path::new(file).extension().map_or(String::new(), |e| e.to_string_lossy().to_ascii_lowercase())
-}
-
 /// The file of an entry, relative to the collection or absolute. Some writers percent-encode spaces or use backslashes: these are tried if
 /// the literal name does not exist.
 fn locate(path: &Path, entry: &Entry) -> FileResult<PathBuf> {
     let unsupported = |problem: &str| FileError::unsupported(path, entry.place(), problem);
-    match extension(&entry.file).as_str() {
+    match extension(Path::new(&entry.file)).as_str() {
         "vtu" => {}
         "pvtu" => {
             return Err(unsupported("parallel files (.pvtu) are not read")

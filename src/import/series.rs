@@ -32,8 +32,8 @@ pub(super) trait StepReader: Send + Sync + Sized {
     fn read_grid(&self) -> FileResult<GridReader>;
     /// A hash of the stored mesh: equal hashes are equal meshes, other hashes may be.
     fn stored_hash(&self) -> FileResult<u64>;
-    /// The fields that all pieces have. Adds a note for each other one.
-    fn fields(&self, notes: &mut Vec<String>) -> Vec<FieldInfo>;
+    /// The fields that all pieces have, and the names of other arrays, each with the reason why it is left out.
+    fn fields(&self) -> (Vec<FieldInfo>, Vec<String>);
     /// Reads a field with all its components; `step` is for messages.
     fn decode(&self, field: &FieldInfo, step: usize) -> FileResult<Self::Decoded>;
     /// The numbers of a decoded field, piece by piece.
@@ -103,7 +103,12 @@ impl<S: StepReader> Series<S> {
         if first.reader.is_in_pieces() {
             notes.push("the mesh comes in pieces: points on borders between them are kept apart".to_owned());
         }
-        let fields = first.reader.fields(&mut notes);
+        let (fields, mut left_out) = first.reader.fields();
+        if !left_out.is_empty() {
+            left_out.sort();
+            left_out.dedup();
+            notes.push(format!("left out {} arrays: {}", left_out.len(), left_out.join(", ")));
+        }
         let shape = Shape::of(&first.reader, grid)?;
         let cache = StepCache::default();
         cache.get(0, || Ok(first), Step::bytes)?;

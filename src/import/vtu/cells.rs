@@ -14,7 +14,7 @@ const GHOST_BITS: u64 = 1 | 8 | 32;
 /// # Errors
 /// If its arrays are damaged or contradict each other, or if a cell has a volume and is not a tetrahedron.
 pub(crate) fn add_piece(grid: &mut GridReader, file: &VtuFile, piece: &Piece) -> FileResult<()> {
-    grid.check_room(file.path(), "<Piece>", piece.points, piece.cells)?;
+    grid.check_room(&file.path, "<Piece>", piece.points, piece.cells)?;
     let first_point = grid.mesh.points.len();
     add_points(grid, file, piece)?;
     if piece.cells > 0 {
@@ -56,12 +56,12 @@ fn add_cells(grid: &mut GridReader, file: &VtuFile, piece: &Piece, first_point: 
         let vertices = &connectivity[begin..end as usize];
         begin = end as usize;
         if ghosts.get(i).is_some_and(|flags| flags & GHOST_BITS != 0) {
-            grid.skip_ghost();
+            grid.ghosts += 1;
             continue;
         }
         let bad_cell = |problem: String| file.invalid(connectivity_array, connectivity_array.byte, problem);
         match flat_type(file, i, cell_type)? {
-            Some(flat) => grid.skip(flat),
+            Some(flat) => grid.skip(flat, 1),
             None => grid.push_tet(i, vertices, piece.points, first_point).map_err(bad_cell)?,
         }
     }
@@ -75,9 +75,9 @@ fn flat_type(file: &VtuFile, cell: usize, cell_type: u64) -> FileResult<Option<u
         Some((_, Kind::Tet)) => Ok(None),
         Some((number, Kind::Flat)) => Ok(Some(number)),
         Some((number, Kind::Solid)) => {
-            Err(refuse_solid(file.path(), place, &format!("is of type {number} ({})", name_of(number))))
+            Err(refuse_solid(&file.path, place, &format!("is of type {number} ({})", name_of(number))))
         }
-        None => Err(FileError::invalid(file.path(), place, format!("is of type {cell_type}, which VTK does not know"))),
+        None => Err(FileError::invalid(&file.path, place, format!("is of type {cell_type}, which VTK does not know"))),
     }
 }
 
@@ -97,5 +97,5 @@ fn indices(file: &VtuFile, array: &ArrayInfo, count: usize) -> FileResult<Vec<u6
 }
 
 fn needed<'a>(file: &VtuFile, array: &'a Option<ArrayInfo>, name: &str) -> FileResult<&'a ArrayInfo> {
-    array.as_ref().ok_or_else(|| FileError::invalid(file.path(), "<Piece>", format!("lacks the array '{name}'")))
+    array.as_ref().ok_or_else(|| FileError::invalid(&file.path, "<Piece>", format!("lacks the array '{name}'")))
 }

@@ -57,13 +57,6 @@ pub(crate) struct Piece {
     pub(crate) types: Option<ArrayInfo>,
 }
 
-impl Piece {
-    /// Whether it has no points and cells; such pieces may lack arrays.
-    pub(crate) fn is_empty(&self) -> bool {
-        self.points == 0 && self.cells == 0
-    }
-}
-
 /// A `DataArray` element.
 #[derive(Clone, Debug)]
 pub(crate) struct ArrayInfo {

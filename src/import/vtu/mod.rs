@@ -45,33 +45,13 @@ impl VtuFile {
     /// If the file cannot be read, or is not an unstructured grid.
     pub(super) fn open(path: &Path) -> FileResult<Self> {
         let bytes = files::read(path)?;
-        Self::from_bytes(path, bytes)
-    }
-
-    /// Parses the header of a file with this path and content.
-    fn from_bytes(path: &Path, bytes: Vec<u8>) -> FileResult<Self> {
         let header = header::parse(path, &bytes, Extent::Whole)?;
         Ok(Self { path: path.to_owned(), bytes, header })
     }
 
-    /// Path of the file.
-    pub(super) fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// Bytes of the file.
-    pub(super) fn len(&self) -> usize {
-        self.bytes.len()
-    }
-
-    /// The pieces that are not empty.
+    /// The pieces that have points or cells; others may lack arrays.
     pub(super) fn pieces(&self) -> impl Iterator<Item = &Piece> {
-        self.header.pieces.iter().filter(|piece| !piece.is_empty())
-    }
-
-    /// Names of point and cell arrays that are not numeric.
-    pub(super) fn skipped_arrays(&self) -> &[String] {
-        &self.header.skipped
+        self.header.pieces.iter().filter(|piece| piece.points > 0 || piece.cells > 0)
     }
 
     /// The number `TimeValue` of the field data, if there is one.

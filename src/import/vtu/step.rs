@@ -36,11 +36,11 @@ impl StepReader for VtuStep {
     }
 
     fn path(&self) -> &Path {
-        self.files.first().map_or(Path::new(""), VtuFile::path)
+        self.files.first().map_or(Path::new(""), |file| &file.path)
     }
 
     fn bytes(&self) -> usize {
-        self.files.iter().map(VtuFile::len).sum()
+        self.files.iter().map(|file| file.bytes.len()).sum()
     }
 
     fn is_in_pieces(&self) -> bool {
@@ -70,8 +70,7 @@ impl StepReader for VtuStep {
         Ok(state.finish())
     }
 
-    /// The fields that all pieces have. Adds a note for each other one.
-    fn fields(&self, notes: &mut Vec<String>) -> Vec<FieldInfo> {
+    fn fields(&self) -> (Vec<FieldInfo>, Vec<String>) {
         let mut fields: Vec<FieldInfo> = Vec::new();
         let mut left_out: Vec<String> = Vec::new();
         for association in [Association::Point, Association::Cell] {
@@ -95,14 +94,9 @@ impl StepReader for VtuStep {
                 }
             }
         }
-        let texts = self.files.iter().flat_map(VtuFile::skipped_arrays);
+        let texts = self.files.iter().flat_map(|file| &file.header.skipped);
         left_out.extend(texts.map(|name| format!("'{name}' (holds no numbers)")));
-        if !left_out.is_empty() {
-            left_out.sort();
-            left_out.dedup();
-            notes.push(format!("left out {} arrays: {}", left_out.len(), left_out.join(", ")));
-        }
-        fields
+        (fields, left_out)
     }
 
     fn decode(&self, field: &FieldInfo, step: usize) -> FileResult<Vec<ArrayBytes>> {
@@ -111,13 +105,13 @@ impl StepReader for VtuStep {
             let place = || format!("step {step}");
             let kind = if field.association == Association::Point { "point" } else { "cell" };
             let array = find(piece, field).ok_or_else(|| {
-                FileError::invalid(file.path(), place(), format!("has no {kind} array '{}'", field.name))
+                FileError::invalid(&file.path, place(), format!("has no {kind} array '{}'", field.name))
                     .remedy("leave that step or that field out")
             })?;
             if array.components != field.components {
                 let (name, new, old) = (&field.name, array.components, field.components);
                 let problem = format!("array '{name}' has {new} components, but {old} in the first step");
-                return Err(FileError::invalid(file.path(), place(), problem));
+                return Err(FileError::invalid(&file.path, place(), problem));
             }
             let tuples = if field.association == Association::Point { piece.points } else { piece.cells };
             pieces.push(file.decode(array, tuples)?);

@@ -4,7 +4,7 @@ use super::super::cells::{self, Kind};
 use super::items::Item;
 use super::tree::{Document, Id};
 use crate::error::FileResult;
-use crate::field::Association;
+use crate::field::{Association, FieldInfo};
 
 /// A mesh, or a piece of one, with its fields.
 #[derive(Debug)]
@@ -50,9 +50,7 @@ pub(super) enum Geometry {
 /// A field of a grid.
 #[derive(Debug)]
 pub(super) struct Attribute {
-    pub(super) name: String,
-    pub(super) association: Association,
-    pub(super) components: usize,
+    pub(super) field: FieldInfo,
     pub(super) item: Item,
 }
 
@@ -134,7 +132,7 @@ impl Grid {
                 item.len().and_then(|n| usize::try_from(n).ok()).filter(|_| tuples > 0).map(|n| n / tuples);
             let components = components.filter(|&n| n > 0 && item.len() == n.checked_mul(tuples).map(|n| n as u64));
             let components = components.ok_or_else(|| format!("has {:?} numbers for {tuples} tuples", item.dims))?;
-            Ok(Attribute { name: name.clone(), association, components, item })
+            Ok(Attribute { field: FieldInfo { name: name.clone(), components, association }, item })
         };
         match read() {
             Ok(attribute) => self.attributes.push(attribute),

@@ -71,30 +71,23 @@ impl StepReader for XdmfStep {
         Ok(state.finish())
     }
 
-    fn fields(&self, notes: &mut Vec<String>) -> Vec<FieldInfo> {
+    fn fields(&self) -> (Vec<FieldInfo>, Vec<String>) {
         let mut fields: Vec<FieldInfo> = Vec::new();
         let mut left_out: Vec<String> = self.grids.iter().flat_map(|grid| grid.left_out.clone()).collect();
         for grid in self.grids.iter() {
-            for (i, attribute) in grid.attributes.iter().enumerate() {
-                let Attribute { name, association, components, .. } = attribute;
-                let field = FieldInfo { name: name.clone(), components: *components, association: *association };
-                let is_same = |other: &Attribute| other.components == field.components;
-                if find(&grid.attributes[..i], &field).is_some() {
-                    left_out.push(format!("'{name}' (a second array of that name)"));
-                } else if !self.grids.iter().all(|grid| find(&grid.attributes, &field).is_some_and(is_same)) {
-                    left_out.push(format!("'{name}' (not the same in all pieces)"));
-                } else if !fields.contains(&field) {
-                    fields.push(field);
+            for (i, Attribute { field, .. }) in grid.attributes.iter().enumerate() {
+                let is_same = |other: &Attribute| other.field.components == field.components;
+                if find(&grid.attributes[..i], field).is_some() {
+                    left_out.push(format!("'{}' (a second array of that name)", field.name));
+                } else if !self.grids.iter().all(|grid| find(&grid.attributes, field).is_some_and(is_same)) {
+                    left_out.push(format!("'{}' (not the same in all pieces)", field.name));
+                } else if !fields.contains(field) {
+                    fields.push(field.clone());
                 }
             }
         }
-        if !left_out.is_empty() {
-            left_out.sort();
-            left_out.dedup();
-            notes.push(format!("left out {} arrays: {}", left_out.len(), left_out.join(", ")));
-        }
         fields.sort_by_key(|field| field.association == Association::Cell);
-        fields
+        (fields, left_out)
     }
 
     fn decode(&self, field: &FieldInfo, step: usize) -> FileResult<Vec<ItemBytes>> {
@@ -109,8 +102,8 @@ impl StepReader for XdmfStep {
                 let reason = reason.map_or(String::new(), |text| format!(": {text}"));
                 invalid(format!("has no {kind} attribute '{name}'{reason}"))
             })?;
-            if attribute.components != field.components {
-                let (new, old) = (attribute.components, field.components);
+            if attribute.field.components != field.components {
+                let (new, old) = (attribute.field.components, field.components);
                 return Err(invalid(format!("attribute '{name}' has {new} components, but {old} in the first step")));
             }
             attribute.item.read(&self.document)
@@ -164,7 +157,7 @@ impl XdmfStep {
         let topology = &grid.topology;
         match topology.shape {
             CellShape::Same(vtk) if matches!(kind_of(vtk.into()), Some((_, Kind::Flat))) => {
-                reader.skip_many(vtk, topology.cells);
+                reader.skip(vtk, topology.cells);
                 return Ok(());
             }
             _ if topology.cells == 0 => return Ok(()),
@@ -219,7 +212,7 @@ impl XdmfStep {
                 self.rebase(topology, &mut vertices)?;
                 reader.push_tet(cell, &vertices, grid.points, first_point).map_err(invalid)?;
             } else {
-                reader.skip(known.vtk);
+                reader.skip(known.vtk, 1);
             }
         }
         if rest.is_empty() { Ok(()) } else { Err(invalid(format!("{} numbers follow the last cell", rest.len()))) }
@@ -237,5 +230,5 @@ impl XdmfStep {
 }
 
 fn find<'a>(attributes: &'a [Attribute], field: &FieldInfo) -> Option<&'a Attribute> {
-    attributes.iter().find(|a| a.association == field.association && a.name == field.name)
+    attributes.iter().find(|a| a.field.association == field.association && a.field.name == field.name)
 }
