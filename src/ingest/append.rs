@@ -17,7 +17,7 @@ use crate::codec::Quality;
 use crate::error::{FileError, FileResult};
 use crate::field::{Component, FieldSelector, SeriesSource, TimeAxis};
 use crate::short::Short;
-use crate::store::{ResumedField, Store, StoreLock, StoreWriter, StoredField};
+use crate::store::{ResumedField, Store, StoreLock, StoreWriter, StoredField, range_text};
 use crate::task::{Cancel, Progress};
 use serde::Serialize;
 use std::fmt;
@@ -367,11 +367,7 @@ impl fmt::Display for AppendReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}", self.plan)?;
         for AppendedField { name, range, nonfinite, quality } in &self.fields {
-            write!(f, "field {name}: ")?;
-            match range {
-                Some([lo, hi]) => write!(f, "{} to {}", Short(lo), Short(hi))?,
-                None => write!(f, "no finite value")?,
-            }
+            write!(f, "field {name}: {}", range_text(*range))?;
             if let Some(quality) = quality {
                 write!(f, ", errors up to {:.3e}", quality.max_error)?;
             }

@@ -10,7 +10,7 @@ use super::report::{IngestError, IngestReport};
 use super::{check_cancel, ingest};
 use crate::error::{FileError, FileResult};
 use crate::import;
-use crate::store::{Store, is_store};
+use crate::store::{Store, is_at, is_store};
 use crate::task::{Cancel, Progress};
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File, TryLockError};
@@ -250,7 +250,7 @@ impl EntryLock {
             let file = open.map_err(|e| FileError::io(&path, "write in the cache folder", &e))?;
             match file.try_lock() {
                 // The last holder has removed the file: the lock of an unlinked file is void.
-                Ok(()) if is_at(&file, &path) => return Ok(Self { path, file: Some(file) }),
+                Ok(()) if is_at(&file, fs::symlink_metadata(&path)) => return Ok(Self { path, file: Some(file) }),
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => {
                     if !is_said {
@@ -269,7 +269,7 @@ impl EntryLock {
         let path = Self::path_for(target);
         let file = File::options().write(true).open(&path).ok()?;
         // `Self` only if the lock is held: dropping it removes the file.
-        (file.try_lock().is_ok() && is_at(&file, &path)).then(|| Self { path, file: Some(file) })
+        (file.try_lock().is_ok() && is_at(&file, fs::symlink_metadata(&path))).then(|| Self { path, file: Some(file) })
     }
 
     fn is_exclusive(&self) -> bool {
@@ -284,20 +284,6 @@ impl Drop for EntryLock {
             let _ = fs::remove_file(&self.path);
         }
     }
-}
-
-/// Whether the open file is still the one at this path.
-#[cfg(unix)]
-fn is_at(file: &File, path: &Path) -> bool {
-    use std::os::unix::fs::MetadataExt;
-    let id = |metadata: fs::Metadata| (metadata.dev(), metadata.ino());
-    let (file, named) = (file.metadata().map(id), fs::symlink_metadata(path).map(id));
-    matches!((file, named), (Ok(file), Ok(named)) if file == named)
-}
-
-#[cfg(not(unix))]
-fn is_at(_file: &File, _path: &Path) -> bool {
-    true
 }
 
 #[cfg(test)]

@@ -8,9 +8,8 @@ use crate::codec::magnitude;
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, SeriesSource};
 use crate::moments::{Moments, StepSummary};
-use crate::short::Short;
 use crate::slowdown::{Slow, waste};
-use crate::store::FieldWriter;
+use crate::store::{FieldWriter, range_text};
 use std::time::{Duration, Instant};
 
 /// A field of the new store, as the target of values.
@@ -151,10 +150,8 @@ fn check_again(
     if bits(now) == bits(before) {
         return Ok(());
     }
-    let text = |range: Option<[f32; 2]>| {
-        range.map_or("no finite value".to_owned(), |[lo, hi]| format!("{} to {}", Short(lo), Short(hi)))
-    };
-    let problem = format!("has other values than when it was imported: {} instead of {}", text(now), text(before));
+    let [now, before] = [now, before].map(range_text);
+    let problem = format!("has other values than when it was imported: {now} instead of {before}");
     Err(FileError::invalid(source.describe(), format!("field '{field}', step {at} of the store"), problem)
         .remedy("import the series again"))
 }

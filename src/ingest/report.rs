@@ -5,6 +5,7 @@ use crate::error::{FileError, FileErrorKind};
 use crate::field::Association;
 use crate::mesh::{MeshError, RepairReport};
 use crate::short::Short;
+use crate::store::range_text;
 use serde::Serialize;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -117,11 +118,7 @@ impl fmt::Display for IngestReport {
         writeln!(f, "mesh: {}", self.repair)?;
         writeln!(f, "steps: {}, time {} to {}", self.steps, Short(self.times[0]), Short(self.times[1]))?;
         for field in &self.fields {
-            write!(f, "field {}: ", field.name)?;
-            match field.range {
-                Some([lo, hi]) => write!(f, "{} to {}", Short(lo), Short(hi))?,
-                None => write!(f, "no finite value")?,
-            }
+            write!(f, "field {}: {}", field.name, range_text(field.range))?;
             if field.association == Association::Cell {
                 write!(f, ", averaged from cells to vertices")?;
             }

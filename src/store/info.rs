@@ -88,6 +88,11 @@ impl StoreInfo {
     }
 }
 
+/// A range of values for a line of text.
+pub(crate) fn range_text(range: Option<[f32; 2]>) -> String {
+    range.map_or("no finite value".to_owned(), |[lo, hi]| format!("{} to {}", Short(lo), Short(hi)))
+}
+
 impl fmt::Display for StoreInfo {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "mesh     {} cells, {} vertices", self.mesh.cells, self.mesh.vertices)?;
@@ -97,11 +102,7 @@ impl fmt::Display for StoreInfo {
         let [first, last] = [self.time.first, self.time.last].map(Short);
         writeln!(f, "time     {} steps, {first} to {last}", self.time.steps)?;
         for field in &self.fields {
-            write!(f, "field    {} ({})", field.name, field.codec)?;
-            match field.range {
-                Some([lo, hi]) => write!(f, ", {} to {}", Short(lo), Short(hi))?,
-                None => write!(f, ", no finite value")?,
-            }
+            write!(f, "field    {} ({}), {}", field.name, field.codec, range_text(field.range))?;
             if let Some(units) = &field.units {
                 write!(f, " {units}")?;
             }

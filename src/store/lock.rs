@@ -1,7 +1,8 @@
 //! The lock on the folder of a store, held by whoever adds to it.
 
 use crate::task::Cancel;
-use std::fs::{File, TryLockError};
+use std::fs::{File, Metadata, TryLockError};
+use std::io;
 use std::path::Path;
 use std::time::Duration;
 
@@ -25,7 +26,7 @@ impl StoreLock {
             let Some(folder) = open_folder(root) else { return Some(Self { _folder: None }) };
             match folder.try_lock() {
                 // After steps were added the store is another folder: the lock of the old one is void.
-                Ok(()) if is_at(&folder, root) => return Some(Self { _folder: Some(folder) }),
+                Ok(()) if is_at(&folder, root.metadata()) => return Some(Self { _folder: Some(folder) }),
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => std::thread::sleep(PAUSE),
                 Err(TryLockError::Error(_)) => return Some(Self { _folder: None }),
@@ -47,16 +48,16 @@ fn open_folder(_root: &Path) -> Option<File> {
     None
 }
 
-/// Whether the open folder is still the one at this path.
+/// Whether an open file or folder is still the one that was found by its name. Other systems than Unix cannot tell.
 #[cfg(unix)]
-fn is_at(folder: &File, root: &Path) -> bool {
+pub(crate) fn is_at(file: &File, named: io::Result<Metadata>) -> bool {
     use std::os::unix::fs::MetadataExt;
-    let id = |metadata: std::fs::Metadata| (metadata.dev(), metadata.ino());
-    let (folder, named) = (folder.metadata().map(id), root.metadata().map(id));
-    matches!((folder, named), (Ok(folder), Ok(named)) if folder == named)
+    let id = |metadata: Metadata| (metadata.dev(), metadata.ino());
+    let (file, named) = (file.metadata().map(id), named.map(id));
+    matches!((file, named), (Ok(file), Ok(named)) if file == named)
 }
 
 #[cfg(not(unix))]
-fn is_at(_folder: &File, _root: &Path) -> bool {
+pub(crate) fn is_at(_file: &File, _named: io::Result<Metadata>) -> bool {
     true
 }

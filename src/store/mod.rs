@@ -35,9 +35,11 @@ mod writer;
 
 pub use append::ResumedField;
 pub use field::{FieldReader, StoredField};
+pub(crate) use info::range_text;
 pub use info::{MeshInfo, StoreInfo, TimeInfo, VersionInfo};
 pub use layout::is_store;
 pub use lock::StoreLock;
+pub(crate) use lock::is_at;
 pub use source_points::SourcePoints;
 pub use writer::{FieldDescription, FieldWriter, StoreWriter, WrittenField};
 

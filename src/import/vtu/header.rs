@@ -219,14 +219,13 @@ impl Parser<'_> {
 
     fn begin_file(&mut self, attributes: &Attributes) -> FileResult<()> {
         self.seen_file = true;
-        let unsupported = |problem: String| Err(FileError::unsupported(self.path, "<VTKFile>", problem));
+        let unsupported = |problem: String| FileError::unsupported(self.path, "<VTKFile>", problem);
         match attributes.get("type") {
             Some("UnstructuredGrid") => {}
             Some(other) => {
-                return unsupported(format!("this is a file of type {other}, and only UnstructuredGrid is read"))
-                    .map_err(|e| {
-                        e.remedy("convert it, for example with ParaView's filter Append Datasets or Tetrahedralize")
-                    });
+                let error = unsupported(format!("this is a file of type {other}, and only UnstructuredGrid is read"));
+                let remedy = "convert it, for example with ParaView's filter Append Datasets or Tetrahedralize";
+                return Err(error.remedy(remedy));
             }
             None => return Err(self.invalid(0, "<VTKFile> lacks its type")),
         }
@@ -244,13 +243,10 @@ impl Parser<'_> {
         };
         self.header.compressor = match attributes.get("compressor") {
             None | Some("") => None,
-            Some(name) => match Compressor::from_name(name) {
-                Some(compressor) => Some(compressor),
-                None => {
-                    return unsupported(format!("the compressor {name} is unknown"))
-                        .map_err(|e| e.remedy("write the file with ZLib, LZ4 or LZMA compression, or with none"));
-                }
-            },
+            Some(name) => Some(Compressor::from_name(name).ok_or_else(|| {
+                unsupported(format!("the compressor {name} is unknown"))
+                    .remedy("write the file with ZLib, LZ4 or LZMA compression, or with none")
+            })?),
         };
         Ok(())
     }
