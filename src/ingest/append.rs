@@ -11,7 +11,7 @@ use super::order::VertexOrder;
 use super::pass::{Pass, Target};
 use super::plan::{self, PlannedField};
 use super::report::IngestError;
-use super::stream::{Job, with_stream};
+use super::stream::Job;
 use super::{CodecChoice, FieldUnits, StepRange, check_cancel, same_mesh, select_steps};
 use crate::codec::Quality;
 use crate::error::{FileError, FileResult};
@@ -137,20 +137,9 @@ pub fn append(
     let (mut writer, resumed) = StoreWriter::append(&store)?;
     let targets = targets(&fields, &store, resumed)?;
     let (order, _) = VertexOrder::new(mesh, plan::has_cells(&fields));
-    let mut pass = Pass::new(source, order, counts, &fields, targets);
     let job = Job { source, fields: &fields, steps: &steps, cancel };
-    progress.begin("append", steps.len() as u64, "steps");
-    let result = with_stream(&job, |stream| {
-        for (at, &step) in (first..).zip(&steps) {
-            check_cancel(cancel)?;
-            pass.take_step(step, at, stream)?;
-            progress.advance(1);
-        }
-        Ok(())
-    });
-    progress.end();
-    result?;
-    check_cancel(cancel)?;
+    let mut pass = Pass::new(job, order, counts, targets);
+    pass.run("append", first, progress)?;
 
     report.bytes_read = pass.values_read * size_of::<f32>() as u64;
     report.fields = finish(pass.targets, &store)?;

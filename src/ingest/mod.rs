@@ -35,7 +35,7 @@ use pass::{Pass, Target};
 use plan::{Output, PlannedField};
 use std::path::Path;
 use std::time::Instant;
-use stream::{Job, with_stream};
+use stream::Job;
 
 /// Imports a series into a new store at `out`.
 ///
@@ -71,20 +71,9 @@ pub fn ingest(
 
     let vertices = order.vertex_source().len();
     let targets = fields.iter().map(|f| targets(f, vertices, &options.codec, &mut writer)).collect();
-    let mut pass = Pass::new(source, order, counts, &fields, targets);
     let job = Job { source, fields: &fields, steps: &steps, cancel };
-    progress.begin("import", steps.len() as u64, "steps");
-    let result = with_stream(&job, |stream| {
-        for (at, &step) in steps.iter().enumerate() {
-            check_cancel(cancel)?;
-            pass.take_step(step, at, stream)?;
-            progress.advance(1);
-        }
-        Ok(stream.read_time)
-    });
-    progress.end();
-    let read_time = result?;
-    check_cancel(cancel)?;
+    let mut pass = Pass::new(job, order, counts, targets);
+    let read_time = pass.run("import", 0, progress)?;
 
     let finish = Instant::now();
     let mut seconds = pass.seconds;

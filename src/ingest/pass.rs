@@ -1,15 +1,17 @@
 //! Processing the steps of a source, from their values to the finished fields.
 
+use super::check_cancel;
 use super::order::VertexOrder;
 use super::plan::PlannedField;
 use super::report::{IngestError, StageSeconds};
-use super::stream::Stream;
+use super::stream::{Job, Stream, with_stream};
 use crate::codec::magnitude;
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, SeriesSource};
 use crate::moments::{Moments, StepSummary};
 use crate::slowdown::{Slow, waste};
 use crate::store::{FieldWriter, range_text};
+use crate::task::Progress;
 use std::time::{Duration, Instant};
 
 /// A field of the new store, as the target of values.
@@ -24,10 +26,9 @@ pub(super) struct Target {
 
 /// State of the processing of steps.
 pub(super) struct Pass<'a> {
-    source: &'a dyn SeriesSource,
+    job: Job<'a>,
     /// Number of points and cells in the source.
     counts: [usize; 2],
-    fields: &'a [PlannedField],
     order: VertexOrder,
     /// For each field, one target per output.
     pub(super) targets: Vec<Vec<Target>>,
@@ -39,19 +40,12 @@ pub(super) struct Pass<'a> {
 }
 
 impl<'a> Pass<'a> {
-    pub(super) fn new(
-        source: &'a dyn SeriesSource,
-        order: VertexOrder,
-        counts: [usize; 2],
-        fields: &'a [PlannedField],
-        targets: Vec<Vec<Target>>,
-    ) -> Self {
+    pub(super) fn new(job: Job<'a>, order: VertexOrder, counts: [usize; 2], targets: Vec<Vec<Target>>) -> Self {
         let vertices = order.vertex_source().len();
-        let most = fields.iter().map(|f| f.reads.len()).max().unwrap_or(0);
+        let most = job.fields.iter().map(|f| f.reads.len()).max().unwrap_or(0);
         Self {
-            source,
+            job,
             counts,
-            fields,
             order,
             targets,
             components: vec![vec![0.0; vertices]; most],
@@ -61,10 +55,28 @@ impl<'a> Pass<'a> {
         }
     }
 
+    /// Processes all steps of the job, the first as step `first` of the store; `stage` names the work. Returns the time spent reading.
+    pub(super) fn run(&mut self, stage: &str, first: usize, progress: &dyn Progress) -> Result<Duration, IngestError> {
+        let job = self.job;
+        progress.begin(stage, job.steps.len() as u64, "steps");
+        let result = with_stream(&job, |stream| {
+            for (at, &step) in (first..).zip(job.steps) {
+                check_cancel(job.cancel)?;
+                self.take_step(step, at, stream)?;
+                progress.advance(1);
+            }
+            Ok(stream.read_time)
+        });
+        progress.end();
+        let read_time = result?;
+        check_cancel(job.cancel)?;
+        Ok(read_time)
+    }
+
     /// Processes step `step` of the source as step `at` of the store.
-    pub(super) fn take_step(&mut self, step: usize, at: usize, stream: &mut Stream) -> Result<(), IngestError> {
-        for index in 0..self.fields.len() {
-            let field = &self.fields[index];
+    fn take_step(&mut self, step: usize, at: usize, stream: &mut Stream) -> Result<(), IngestError> {
+        for index in 0..self.job.fields.len() {
+            let field = &self.job.fields[index];
             for (slot, component) in field.reads.iter().enumerate() {
                 let took = stream.next(|values| self.take_component(field, *component, step, slot, values))?;
                 let took = took.map_err(IngestError::Source)?;
@@ -92,7 +104,7 @@ impl<'a> Pass<'a> {
         if values.len() != expected {
             let place = format!("field '{}', component {component}, step {step}", field.info.name);
             let problem = format!("has {} values, but the mesh has {expected} {what}", values.len());
-            return Err(FileError::invalid(self.source.describe(), place, problem));
+            return Err(FileError::invalid(self.job.source.describe(), place, problem));
         }
         self.values_read += values.len() as u64;
         waste(Slow::Import, values.len());
@@ -106,8 +118,8 @@ impl<'a> Pass<'a> {
 
     /// Computes and encodes the outputs of a field whose components are complete.
     fn emit(&mut self, index: usize, at: usize) -> FileResult<()> {
-        let field = &self.fields[index];
-        let source = self.source;
+        let field = &self.job.fields[index];
+        let source = self.job.source;
         for (output, target) in field.outputs.iter().zip(&mut self.targets[index]) {
             let start = Instant::now();
             let values = match output.component {

@@ -27,6 +27,7 @@ pub(super) struct Stream {
 }
 
 /// The steps to read: for each of `steps`, each of `fields`, each of its components to read.
+#[derive(Clone, Copy)]
 pub(super) struct Job<'a> {
     pub(super) source: &'a dyn SeriesSource,
     pub(super) fields: &'a [PlannedField],
