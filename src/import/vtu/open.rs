@@ -15,10 +15,8 @@ pub(in crate::import) const FORMAT: Format =
 /// Times are the `TimeValue` of the files' field data if all have one and no two are equal (which then orders the steps), else 0, 1, 2,
 /// ...; the source's notes say which. A single file without one is at 0.
 fn open(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
-    let mut timed = Vec::new();
-    for path in paths {
-        timed.push((finite(path, time_value_of(path)?)?, path.clone()));
-    }
+    let timed = |path: &PathBuf| Ok((finite(path, time_value_of(path)?)?, path.clone()));
+    let mut timed = paths.iter().map(timed).collect::<FileResult<Vec<_>>>()?;
     let (description, times, notes) = match (paths, &timed[..]) {
         ([path], [(time, _)]) => {
             (path.display().to_string(), TimeAxis { values: vec![time.unwrap_or(0.0)] }, Vec::new())

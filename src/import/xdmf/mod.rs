@@ -104,10 +104,8 @@ fn read(path: &Path) -> FileResult<(Vec<Collection>, Vec<String>)> {
     let domain = *domains
         .first()
         .ok_or_else(|| FileError::invalid(path, "<Xdmf>", "has no <Domain>").remedy("write the file again"))?;
-    let (mut temporal, mut plain) = (Vec::new(), Vec::new());
-    for grid in document.children_named(domain, "Grid")? {
-        if is_temporal(&document, grid) { temporal.push(grid) } else { plain.push(grid) }
-    }
+    let grids = document.children_named(domain, "Grid")?.into_iter();
+    let (temporal, plain): (Vec<Id>, Vec<Id>) = grids.partition(|&grid| is_temporal(&document, grid));
     let mut notes = Vec::new();
     if domains.len() > 1 {
         notes.push(format!("left out {} further domains", domains.len() - 1));
@@ -150,10 +148,7 @@ fn collection(document: &Arc<Document>, id: Id) -> FileResult<Collection> {
     if grids.is_empty() {
         return Err(document.invalid(id, "is a collection without a <Grid>"));
     }
-    let mut times = Vec::new();
-    for &grid in &grids {
-        times.push(time_of(document, grid)?);
-    }
+    let times = grids.iter().map(|&grid| time_of(document, grid)).collect::<FileResult<Vec<_>>>()?;
     let mut notes = Vec::new();
     let times = match (listed_times(document, id, grids.len())?, times.iter().position(Option::is_none)) {
         (Some(listed), _) => listed,
