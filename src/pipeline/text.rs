@@ -185,27 +185,6 @@ pub(super) mod as_text {
     }
 }
 
-/// Serializes a shared value by its content; left out if it is `None`.
-pub(super) mod shared {
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-    use std::sync::Arc;
-
-    pub(in crate::pipeline) fn serialize<T: Serialize, S: Serializer>(
-        value: &Option<Arc<T>>,
-        serializer: S,
-    ) -> Result<S::Ok, S::Error> {
-        value.as_deref().serialize(serializer)
-    }
-
-    pub(in crate::pipeline) fn deserialize<'de, T, D>(data: D) -> Result<Option<Arc<T>>, D::Error>
-    where
-        T: Deserialize<'de>,
-        D: Deserializer<'de>,
-    {
-        Ok(Option::deserialize(data)?.map(Arc::new))
-    }
-}
-
 /// A time as it is read.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
