@@ -53,9 +53,9 @@ pub(super) struct Axis<'a> {
 
 /// A knot of the curve: its position on the axis and its scalar.
 #[derive(Clone, Copy)]
-struct Knot {
+pub(super) struct Knot {
     position: f64,
-    scalar: f64,
+    pub scalar: f64,
 }
 
 impl<'a> Axis<'a> {
@@ -73,22 +73,31 @@ impl<'a> Axis<'a> {
         self.map.eval(self.range.position_of(scalar))
     }
 
-    fn knot(&self, position: f64) -> Knot {
+    pub(super) fn knot(&self, position: f64) -> Knot {
         Knot { position, scalar: self.scalar_at(position) }
+    }
+
+    /// The points of the colour map and of the opacities of a transfer function.
+    pub(super) fn knots(&self, tf: &TransferFunction) -> impl Iterator<Item = Knot> {
+        let of_colors = tf.color_map().points().iter().map(move |p| self.knot(p.position));
+        of_colors.chain(tf.points().iter().map(move |p| match tf.positions() {
+            PositionKind::Relative => self.knot(p.position),
+            PositionKind::Absolute => Knot { position: self.position_of(p.position), scalar: p.position },
+        }))
     }
 
     /// The curve with colour and value `sides` at a position, linear between these knots: sorted by scalar, at least two points, all
     /// scalars different.
     ///
     /// On a logarithmic axis such a curve is linear in the logarithm between two knots; it is refined to `precision`.
-    fn curve(
+    pub(super) fn curve(
         &self,
-        mut knots: Vec<Knot>,
+        knots: impl Iterator<Item = Knot>,
         sides: impl Fn(f64) -> [Side; 2],
         precision: &Precision,
     ) -> Vec<ProfilePoint> {
         // The ends of the axis are points of the map.
-        knots.extend(self.map.points().iter().map(|p| self.knot(p[1])));
+        let mut knots: Vec<Knot> = knots.chain(self.map.points().iter().map(|p| self.knot(p[1]))).collect();
         knots.sort_by(|a, b| a.position.total_cmp(&b.position));
         knots.dedup_by(|next, kept| next.position == kept.position);
         let refinement = Refinement { axis: self, precision };
@@ -111,16 +120,6 @@ impl<'a> Axis<'a> {
         }
         points
     }
-
-    /// The curve with colour and value `sides` at a position, linear between `positions`.
-    pub(super) fn curve_between(
-        &self,
-        positions: impl Iterator<Item = f64>,
-        sides: impl Fn(f64) -> [Side; 2],
-        precision: &Precision,
-    ) -> Vec<ProfilePoint> {
-        self.curve(positions.map(|p| self.knot(p)).collect(), sides, precision)
-    }
 }
 
 /// The curve of `tf` over `axis`: sorted by scalar, at least two points, all scalars different.
@@ -131,12 +130,7 @@ pub(super) fn profile(
     unit_distance: f64,
 ) -> Result<Vec<ProfilePoint>, TransferError> {
     let on_axis = OnAxis::new(tf, axis, precision.kind, unit_distance)?;
-    let mut knots: Vec<Knot> = tf.color_map().points().iter().map(|p| axis.knot(p.position)).collect();
-    knots.extend(tf.points().iter().map(|p| match tf.positions() {
-        PositionKind::Relative => axis.knot(p.position),
-        PositionKind::Absolute => Knot { position: axis.position_of(p.position), scalar: p.position },
-    }));
-    Ok(axis.curve(knots, |position| on_axis.sides(position), precision))
+    Ok(axis.curve(axis.knots(tf), |position| on_axis.sides(position), precision))
 }
 
 /// A transfer function whose opacity points are at axis positions and have values per unit distance.
