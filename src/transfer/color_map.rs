@@ -88,16 +88,27 @@ impl ColorMap {
 
     /// Colour just left of a position, and at it.
     pub(super) fn eval_sides(&self, position: f64) -> [[f64; 3]; 2] {
-        let left = self.points.partition_point(|p| p.position < position);
-        let right = self.points.partition_point(|p| p.position <= position);
-        let between =
-            |after: usize| match (after.checked_sub(1).and_then(|i| self.points.get(i)), self.points.get(after)) {
-                (Some(a), Some(b)) => mix(a.rgb, b.rgb, (position - a.position) / (b.position - a.position)),
-                (Some(end), None) | (None, Some(end)) => end.rgb,
-                (None, None) => [0.0; 3], // not reached: a map has a point
-            };
-        [between(left), between(right)]
+        sides_at(&self.points, position, |p| (p.position, p.rgb), mix)
     }
+}
+
+/// The value just left of a position, and at it, of points sorted by position, given by `place` as position and value: `mix` between two of
+/// them, constant outside.
+pub(super) fn sides_at<P, V: Default>(
+    points: &[P],
+    position: f64,
+    place: impl Fn(&P) -> (f64, V),
+    mix: impl Fn(V, V, f64) -> V,
+) -> [V; 2] {
+    let left = points.partition_point(|p| place(p).0 < position);
+    let right = points.partition_point(|p| place(p).0 <= position);
+    let of = |index: Option<usize>| index.and_then(|i| points.get(i)).map(&place);
+    let between = |after: usize| match (of(after.checked_sub(1)), of(Some(after))) {
+        (Some((a, from)), Some((b, to))) => mix(from, to, (position - a) / (b - a)),
+        (Some((_, end)), None) | (None, Some((_, end))) => end,
+        (None, None) => V::default(), // not reached: there is a point
+    };
+    [between(left), between(right)]
 }
 
 /// Interpolates from `a` at 0 to `b` at 1: exact at both ends, monotone, and constant if they are equal.

@@ -1,7 +1,7 @@
 //! A transfer function as a curve that is linear in the scalar between points.
 
 use super::TransferError;
-use super::color_map::{lerp, mix};
+use super::color_map::{lerp, mix, sides_at};
 use super::function::{OpacityPoint, OpacityValues, PositionKind, TransferFunction};
 use super::opacity::OpacityKind;
 use super::range::MappedRange;
@@ -175,24 +175,10 @@ impl<'a> OnAxis<'a> {
 
     /// Colour and value just left of a position, and at it.
     pub(super) fn sides(&self, position: f64) -> [Side; 2] {
-        let (rgb, value) = (self.tf.color_map().eval_sides(position), value_sides(&self.opacity, position));
+        let rgb = self.tf.color_map().eval_sides(position);
+        let value = sides_at(&self.opacity, position, |p| (p.position, p.value), lerp);
         std::array::from_fn(|i| Side { rgb: rgb[i], value: value[i] })
     }
-}
-
-/// Value just left of a position, and at it.
-fn value_sides(points: &[OpacityPoint], position: f64) -> [f64; 2] {
-    let left = points.partition_point(|p| p.position < position);
-    let right = points.partition_point(|p| p.position <= position);
-    let between = |after: usize| match (after.checked_sub(1).and_then(|i| points.get(i)), points.get(after)) {
-        (Some(a), Some(b)) => {
-            let f = (position - a.position) / (b.position - a.position);
-            lerp(a.value, b.value, f)
-        }
-        (Some(end), None) | (None, Some(end)) => end.value,
-        (None, None) => 0.0, // not reached: a transfer function has a point
-    };
-    [between(left), between(right)]
 }
 
 /// Refines pieces that are linear in the logarithm to pieces linear in the scalar.
