@@ -54,8 +54,7 @@ impl ColorMap {
             point.position = if width > 0.0 { from_first / width } else { 0.0 };
         }
         points.dedup_by(|next, kept| next == kept);
-        keep_outer_of_equal(&mut points);
-        Ok(Self { name, points, nan_color })
+        Ok(Self { name, points: outer_of_equal(&points, |p| p.position), nan_color })
     }
 
     /// Name of the map; a reversed one ends with `_r`.
@@ -121,15 +120,11 @@ pub(super) fn mix(a: [f64; 3], b: [f64; 3], f: f64) -> [f64; 3] {
     std::array::from_fn(|i| lerp(a[i], b[i], f))
 }
 
-/// Keeps the first and the last of more than two points at one position: the two sides of a step.
-fn keep_outer_of_equal(points: &mut Vec<ColorPoint>) {
-    let all = std::mem::take(points);
-    for (i, point) in all.iter().enumerate() {
-        let same = |j: Option<&ColorPoint>| j.is_some_and(|other| other.position == point.position);
-        if !(same(i.checked_sub(1).and_then(|j| all.get(j))) && same(all.get(i + 1))) {
-            points.push(*point);
-        }
-    }
+/// Sorted points, of which only the first and the last are kept where more than two are at one position: the two sides of a step.
+pub(super) fn outer_of_equal<P: Copy>(points: &[P], position: impl Fn(&P) -> f64) -> Vec<P> {
+    let is_at = |i: usize, j: usize| position(&points[i]) == position(&points[j]);
+    let is_between = |i: usize| i > 0 && i + 1 < points.len() && is_at(i - 1, i + 1);
+    (0..points.len()).filter(|&i| !is_between(i)).map(|i| points[i]).collect()
 }
 
 #[cfg(test)]
