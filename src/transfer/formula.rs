@@ -184,11 +184,7 @@ impl Formula<'_> {
     /// its right side.
     pub fn eval(&self, scalar: f64) -> ([f64; 3], f64) {
         let side = self.side(scalar);
-        let depth = match self.kind {
-            OpacityKind::Alpha => -(-side.value).ln_1p(),
-            OpacityKind::Extinction => side.value,
-        };
-        (side.rgb, depth / self.unit_distance)
+        (side.rgb, self.kind.depth(side.value) / self.unit_distance)
     }
 
     fn side(&self, scalar: f64) -> Side {

@@ -198,11 +198,7 @@ impl Refinement<'_> {
         let splits = a.scalar < middle.scalar && middle.scalar < b.scalar;
         let bow = chord_error_of_log(a.scalar, b.scalar);
         let (least, most) = (a_side.value.min(b_side.value), a_side.value.max(b_side.value));
-        let depth = match kind {
-            OpacityKind::Alpha => -(-most).ln_1p(),
-            OpacityKind::Extinction => most,
-        };
-        let of_color = if where_transparent { tolerance.everywhere() } else { tolerance }.of_color(depth);
+        let of_color = if where_transparent { tolerance.everywhere() } else { tolerance }.of_color(kind.depth(most));
         let colour_ok = a_side.rgb.iter().zip(b_side.rgb).all(|(x, y)| bow * (x - y).abs() <= of_color);
         let value_ok = bow * (most - least) <= tolerance.of_value(kind, least, most);
         if (colour_ok && value_ok) || !splits {

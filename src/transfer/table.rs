@@ -156,17 +156,13 @@ fn with_ramp_ends(curve: &[ProfilePoint]) -> Vec<ProfilePoint> {
 
 /// Optical depth of a unit distance where opacity is constant over an interval.
 fn constant_depth(value: f64, kind: OpacityKind) -> f64 {
-    match kind {
-        OpacityKind::Alpha if value == 1.0 => OPAQUE_DEPTH,
-        OpacityKind::Alpha => -(-value).ln_1p(),
-        OpacityKind::Extinction => value,
-    }
+    if kind == OpacityKind::Alpha && value == 1.0 { OPAQUE_DEPTH } else { kind.depth(value) }
 }
 
 /// Optical depth of a unit distance at a value of a ramp, capped at [`RAMP_DEPTH`].
 fn curve_depth(value: f64, kind: OpacityKind) -> f64 {
     match kind {
-        OpacityKind::Alpha => (-(-value).ln_1p()).min(RAMP_DEPTH),
+        OpacityKind::Alpha => kind.depth(value).min(RAMP_DEPTH),
         OpacityKind::Extinction => value,
     }
 }
