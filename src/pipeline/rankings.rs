@@ -5,6 +5,7 @@ use super::series::Series;
 use crate::error::FileResult;
 use crate::lod::{Interval, Partition, Ranking, importance, interval_at, sampling_density, step_change};
 use crate::moments::{CovDenominator, Moments};
+use crate::store::FieldReader;
 use crate::task::Cancel;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
@@ -140,7 +141,7 @@ impl Series {
             return Ok(Some(intervals.clone()));
         }
         let stored = match partition {
-            Partition::Regular(count) => self.source.intervals(count),
+            Partition::Regular(count) => self.source.reader().and_then(|reader| reader.intervals(count)),
             _ => None,
         };
         let steps = self.times.len();
@@ -188,11 +189,13 @@ impl Series {
         cancel: &Cancel,
     ) -> FileResult<Option<Vec<f32>>> {
         if denominator == CovDenominator::default()
-            && let Some(stored) = self.source.vertex_importance()
+            && let Some(stored) = self.source.reader().and_then(FieldReader::vertex_importance)
         {
             return Ok(Some(stored));
         }
-        let statistics = match self.source.vertex_statistics() {
+        // Damaged statistics are computed again.
+        let stored = self.source.reader().and_then(|reader| reader.vertex_statistics().ok().flatten());
+        let statistics = match stored {
             Some(statistics) => statistics,
             None => {
                 let mut moments = Moments::new(self.vertices());
