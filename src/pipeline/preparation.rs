@@ -230,11 +230,7 @@ pub(super) struct Ordered {
 /// Screen-space light, normals and numbers of surfaces, found on the rendered image.
 #[derive(Debug)]
 pub(super) struct OnImage {
-    view: View,
-    shading: SurfaceShading,
-    depth_range: (f64, f64),
-    isosurfaces: u32,
-    is_thinned: bool,
+    screen: Screen,
     /// Whether the frame keeps normals and numbers.
     keeps_guides: bool,
 }
@@ -249,18 +245,18 @@ impl OnImage {
             let depth_range = (depth - radius, depth + radius);
             let is_thinned = by.faces().is_some_and(|detail| detail.lod < 1.0);
             let isosurfaces = scene.isosurfaces();
-            Self { view, shading, depth_range, isosurfaces, is_thinned, keeps_guides: request.guides }
+            let screen = Screen { view, shading, depth_range, isosurfaces, is_thinned };
+            Self { screen, keeps_guides: request.guides }
         })
     }
 
     /// Lights surfaces from their planes of normals, numbers and depths.
     pub(super) fn finish(self, planes: &mut Planes, guides: &Planes) {
         let depth = set_guides(planes, guides);
-        let Self { view, shading, depth_range, isosurfaces, is_thinned, keeps_guides } = self;
-        if shading.is_of_screen() {
-            Screen { view: &view, shading, depth_range, isosurfaces, is_thinned }.light(planes, depth);
+        if self.screen.shading.is_of_screen() {
+            self.screen.light(planes, depth);
         }
-        if !keeps_guides {
+        if !self.keeps_guides {
             (planes.normal, planes.id) = Default::default();
         }
     }
