@@ -29,6 +29,9 @@ pub(super) struct ProfilePoint {
 }
 
 impl Side {
+    /// Black, and without opacity.
+    pub(super) const TRANSPARENT: Side = Side { rgb: [0.0; 3], value: 0.0 };
+
     pub(super) fn mix(a: &Side, b: &Side, f: f64) -> Side {
         Side { rgb: mix(a.rgb, b.rgb, f), value: lerp(a.value, b.value, f) }
     }

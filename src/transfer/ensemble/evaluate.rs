@@ -176,9 +176,8 @@ impl Evaluator<'_> {
     }
 
     pub(in crate::transfer) fn eval_side(&self, sample: &Sample) -> Side {
-        let transparent = Side { rgb: [0.0; 3], value: 0.0 };
         if sample.scalar.is_nan() {
-            return transparent;
+            return Side::TRANSPARENT;
         }
         let known = |position: f64| if position.is_nan() { 0.0 } else { position };
         let sample = &Sample { scalar: sample.scalar, gradient: known(sample.gradient), cov: known(sample.cov) };
@@ -191,7 +190,7 @@ impl Evaluator<'_> {
                 Some(before) => resolved.member.blend.sides(&before, &weighed, self.colors, self.kind),
             });
         }
-        result.unwrap_or(transparent)
+        result.unwrap_or(Side::TRANSPARENT)
     }
 
     /// The scalars at which members that are functions of the scalar may have a step or a kink.
