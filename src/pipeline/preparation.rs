@@ -10,7 +10,7 @@ use super::transparent::TransparentCache;
 use super::{
     Backend, DrawnBy, FaceDetail, FrameRequest, FrameTime, PipelineError, RequestError, SampleSet, TetLayer, Upsampling,
 };
-use crate::camera::View;
+use crate::camera::{Samples, View};
 use crate::codec::vq;
 use crate::lod::Selector;
 use crate::mesh::Plane;
@@ -18,8 +18,10 @@ use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
 use crate::render::cpu::Placer;
 use crate::render::domain::{DomainFaces, DomainScene, DomainSurface};
+use crate::render::residual::lattice;
 use crate::render::surfaces::screen::{Screen, set_guides};
 use crate::render::surfaces::{FieldBeside, Normals, SurfaceScene, SurfaceShading, VertexGradients, cut_planes};
+use crate::render::upsampling::small_view;
 use crate::render::{CompressedStep, KBuffer, LayerFragments, OpticsTables, Planes, RenderError, RenderJob};
 use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
@@ -318,11 +320,11 @@ impl Order {
         let full_view = view.clone();
         if let Some(upsampling) = request.upsampling {
             check_upsampling(request, upsampling, decoded.by)?;
-            view = Enlarge::small_view(upsampling, &full_view);
+            view = small_view(&upsampling.enlarging(request.size_px), &full_view);
         }
         AddDetails::check(request, decoded.by)?;
         if request.residual.is_some() {
-            view = AddDetails::view(&full_view);
+            view.samples = Samples::Lattice(lattice());
         }
         let has_edges = request.upsampling.is_some_and(|upsampling| upsampling.filter.edges().is_some());
         let contrast = request.samples.contrast();
