@@ -334,7 +334,7 @@ impl Piece {
         if !self.is_ramp || ends.contains(&place.scalar) {
             return depth;
         }
-        let tolerance = self.tolerance.of_depth().max(self.tolerance.share_of_depth() * depth);
+        let tolerance = self.tolerance.depth.max(self.tolerance.share * depth);
         (depth - BELOW * tolerance).max(0.0)
     }
 
@@ -372,8 +372,7 @@ impl Piece {
     /// Whether between two neighbouring places the line's depth, from `a.0` to `b.0`, fits the curve's value, from `a.1` to `b.1`; both are
     /// linear there. Either the absolute or the relative tolerance must hold throughout.
     fn opacity_fits(&self, a: (f64, f64), b: (f64, f64)) -> bool {
-        let (absolute, share) = (self.tolerance.of_depth(), self.tolerance.share_of_depth());
-        self.is_within(a, b, absolute, 0.0) || self.is_within(a, b, 0.0, share)
+        self.is_within(a, b, self.tolerance.depth, 0.0) || self.is_within(a, b, 0.0, self.tolerance.share)
     }
 
     /// Whether the line is nowhere off the curve's depth d by more than `absolute + share * d`.
