@@ -94,82 +94,47 @@ mod with_feature {
     /// Instructions per turn of the wasting loop.
     const PER_TURN: usize = 4;
 
-    const PLACES: [Slow; 28] = [
-        Slow::DecodeVq,
-        Slow::DecodeRaw,
-        Slow::Walk,
-        Slow::WalkPortable,
-        Slow::Entries,
-        Slow::Raster,
-        Slow::KBuffer,
-        Slow::RadixSort,
-        Slow::ActiveCells,
-        Slow::LodSelection,
-        Slow::NodeTable,
-        Slow::Ensemble,
-        Slow::EncodeVq,
-        Slow::ReadVtu,
-        Slow::ReadXdmf,
-        Slow::StoreChunk,
-        Slow::Skipping,
-        Slow::Lanes,
-        Slow::FaceLanes,
-        Slow::DecodeLanes,
-        Slow::Pipelined,
-        Slow::FewFaces,
-        Slow::OpaqueRays,
-        Slow::LargeMeshes,
-        Slow::CoarseMeshes,
-        Slow::FirstFrame,
-        Slow::LateFrames,
-        Slow::Import,
+    /// The places, their names in the environment variable and in the gate, and the wasted thousandths of an instruction per unit.
+    const PLACES: [(Slow, &str, usize); 28] = [
+        (Slow::DecodeVq, "decode_vq", 560),
+        (Slow::DecodeRaw, "decode_raw", 630),
+        (Slow::Walk, "walk", 41_000),
+        (Slow::WalkPortable, "walk_portable", 64_000),
+        (Slow::Entries, "entries", 20_000),
+        (Slow::Raster, "raster", 51_000),
+        (Slow::KBuffer, "k_buffer", 68_000),
+        (Slow::RadixSort, "radix_sort", 22_000),
+        (Slow::ActiveCells, "active_cells", 4400),
+        (Slow::LodSelection, "lod_selection", 6100),
+        (Slow::NodeTable, "node_table", 1_200_000),
+        (Slow::Ensemble, "ensemble", 650_000),
+        (Slow::EncodeVq, "encode_vq", 88_000),
+        (Slow::ReadVtu, "read_vtu", 9000),
+        (Slow::ReadXdmf, "read_xdmf", 18_000),
+        (Slow::StoreChunk, "store_chunk", 1_600_000),
+        (Slow::Skipping, "skipping", 2_000_000),
+        (Slow::Lanes, "lanes", 500_000),
+        (Slow::FaceLanes, "face_lanes", 1_500_000),
+        (Slow::DecodeLanes, "decode_lanes", 20_000),
+        (Slow::Pipelined, "pipelined", 6_000_000),
+        (Slow::FewFaces, "few_faces", 3_000_000),
+        (Slow::OpaqueRays, "opaque_rays", 60_000_000),
+        (Slow::LargeMeshes, "large_meshes", 5_000_000),
+        (Slow::CoarseMeshes, "coarse_meshes", 40_000_000),
+        (Slow::FirstFrame, "first_frame", 10_000_000),
+        (Slow::LateFrames, "late_frames", 500_000_000),
+        (Slow::Import, "import", 4_000_000),
     ];
 
-    impl Slow {
-        /// The name in the environment variable and in the gate, and the wasted thousandths of an instruction per unit.
-        const fn name_and_rate(self) -> (&'static str, usize) {
-            match self {
-                Self::DecodeVq => ("decode_vq", 560),
-                Self::DecodeRaw => ("decode_raw", 630),
-                Self::Walk => ("walk", 41_000),
-                Self::WalkPortable => ("walk_portable", 64_000),
-                Self::Entries => ("entries", 20_000),
-                Self::Raster => ("raster", 51_000),
-                Self::KBuffer => ("k_buffer", 68_000),
-                Self::RadixSort => ("radix_sort", 22_000),
-                Self::ActiveCells => ("active_cells", 4400),
-                Self::LodSelection => ("lod_selection", 6100),
-                Self::NodeTable => ("node_table", 1_200_000),
-                Self::Ensemble => ("ensemble", 650_000),
-                Self::EncodeVq => ("encode_vq", 88_000),
-                Self::ReadVtu => ("read_vtu", 9000),
-                Self::ReadXdmf => ("read_xdmf", 18_000),
-                Self::StoreChunk => ("store_chunk", 1_600_000),
-                Self::Skipping => ("skipping", 2_000_000),
-                Self::Lanes => ("lanes", 500_000),
-                Self::FaceLanes => ("face_lanes", 1_500_000),
-                Self::DecodeLanes => ("decode_lanes", 20_000),
-                Self::Pipelined => ("pipelined", 6_000_000),
-                Self::FewFaces => ("few_faces", 3_000_000),
-                Self::OpaqueRays => ("opaque_rays", 60_000_000),
-                Self::LargeMeshes => ("large_meshes", 5_000_000),
-                Self::CoarseMeshes => ("coarse_meshes", 40_000_000),
-                Self::FirstFrame => ("first_frame", 10_000_000),
-                Self::LateFrames => ("late_frames", 500_000_000),
-                Self::Import => ("import", 4_000_000),
-            }
-        }
-    }
-
-    /// The places to slow down.
-    fn slowed() -> &'static [Slow] {
-        static SLOWED: OnceLock<Vec<Slow>> = OnceLock::new();
+    /// The places to slow down, and their rates.
+    fn slowed() -> &'static [(Slow, usize)] {
+        static SLOWED: OnceLock<Vec<(Slow, usize)>> = OnceLock::new();
         SLOWED.get_or_init(|| {
             let names = std::env::var(VARIABLE).unwrap_or_default();
             let place = |name: &str| {
-                let found = PLACES.into_iter().find(|place| place.name_and_rate().0 == name);
+                let found = PLACES.into_iter().find(|(_, known, _)| *known == name);
                 assert!(found.is_some(), "{VARIABLE}: there is no place '{name}'");
-                found
+                found.map(|(place, _, rate)| (place, rate))
             };
             names.split(',').filter(|name| !name.is_empty()).filter_map(place).collect()
         })
@@ -178,8 +143,8 @@ mod with_feature {
     /// Wastes the time of these units if the place is slowed down.
     #[inline(never)]
     pub(crate) fn waste(place: Slow, units: usize) {
-        if slowed().contains(&place) {
-            let turns = units * place.name_and_rate().1 / 1000 / PER_TURN;
+        if let Some((_, rate)) = slowed().iter().find(|(of, _)| *of == place) {
+            let turns = units * rate / 1000 / PER_TURN;
             for turn in 0..turns {
                 black_box(turn);
             }

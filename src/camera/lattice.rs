@@ -9,12 +9,6 @@ pub struct Lattice {
     stride_px: NonZeroUsize,
 }
 
-impl Default for Lattice {
-    fn default() -> Self {
-        Self::ALL
-    }
-}
-
 impl Lattice {
     /// All pixels.
     pub const ALL: Self = Self { stride_px: NonZeroUsize::MIN };

@@ -13,12 +13,6 @@ pub enum Samples {
     Pixels(Arc<PixelSet>),
 }
 
-impl Default for Samples {
-    fn default() -> Self {
-        Self::ALL
-    }
-}
-
 impl Samples {
     /// All pixels.
     pub const ALL: Self = Self::Lattice(Lattice::ALL);

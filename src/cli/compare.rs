@@ -4,7 +4,7 @@ use super::progress::Terminal;
 use super::{Outcome, print_result};
 use crate::export::still::Background;
 use crate::files;
-use crate::image::{self, DepthMetrics, IdMetrics, ImageMetrics, MetricsError, NormalMetrics, Plane, PngDepth};
+use crate::image::{self, IdMetrics, ImageMetrics, MetricsError, Plane, PlaneMetrics, PngDepth};
 use serde::Serialize;
 use std::fmt;
 use std::path::PathBuf;
@@ -82,9 +82,9 @@ struct Comparison {
     #[serde(flatten)]
     metrics: ImageMetrics,
     #[serde(skip_serializing_if = "Option::is_none")]
-    depth: Option<DepthMetrics>,
+    depth: Option<PlaneMetrics>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    normal: Option<NormalMetrics>,
+    normal: Option<PlaneMetrics>,
     #[serde(skip_serializing_if = "Option::is_none")]
     id: Option<IdMetrics>,
 }
@@ -100,14 +100,14 @@ impl fmt::Display for Text<'_> {
             m.max, m.rmse, m.psnr, m.ssim, m.flip
         )?;
         if let Some(d) = &self.0.depth {
-            let DepthMetrics { max, rmse, compared, unmatched } = d;
+            let PlaneMetrics { max, rmse, compared, unmatched } = d;
             writeln!(
                 f,
                 "depth: max {max:.3e}  rmse {rmse:.3e}  over {compared} pixels; {unmatched} in one image only"
             )?;
         }
         if let Some(n) = &self.0.normal {
-            let NormalMetrics { max, rmse, compared, unmatched } = n;
+            let PlaneMetrics { max, rmse, compared, unmatched } = n;
             writeln!(
                 f,
                 "normal: max {max:.3e} degrees  rmse {rmse:.3e}  over {compared} pixels; {unmatched} in one image only"

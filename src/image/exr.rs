@@ -6,7 +6,7 @@
 //! Colours of an EXR are scene-linear by convention, accumulators are display-referred: [`ExrColor`] says which a file holds, and is stored
 //! in the file, so that reading gives accumulators again.
 
-use super::srgb::{linear_from_srgb, srgb_from_linear};
+use super::srgb::linear_from_srgb;
 use super::{Plane, Planes, RgbaImage};
 use crate::error::{FileError, FileResult};
 use crate::files;
@@ -103,7 +103,7 @@ pub fn write_exr(
     let names = ["R", "G", "B", "A"].into_iter().enumerate();
     let pixels: Vec<[f32; 4]> = match stored {
         ExrColor::Raw => color.pixels.clone(),
-        ExrColor::Linear => color.pixels.iter().map(|&p| linear_pixel(p)).collect(),
+        ExrColor::Linear => color.pixels.iter().map(|&p| on_straight(p, linear_from_srgb)).collect(),
     };
     let (most, problem, remedy) = match bits {
         ExrDepth::Float => (f32::MAX, "is too bright for linear floats", "write accumulators (raw)"),
@@ -185,23 +185,13 @@ fn check_size<P>(path: &Path, name: &str, plane: &Plane<P>, color: &RgbaImage) -
     Err(FileError::invalid(path, name, problem))
 }
 
-/// Linear light of an accumulator pixel: unpremultiplied, linearised, premultiplied again.
-fn linear_pixel([r, g, b, a]: [f32; 4]) -> [f32; 4] {
-    let [r, g, b] = on_straight([r, g, b], a, linear_from_srgb);
+/// Applies a curve to the straight colour of a premultiplied pixel: `linear_from_srgb` makes linear light of accumulators, and
+/// `srgb_from_linear` accumulators of linear light. Colour without opacity has no straight colour: the curve is applied as if the pixel were
+/// opaque, so that it stays invertible.
+fn on_straight([r, g, b, a]: [f32; 4], curve: impl Fn(f64) -> f64) -> [f32; 4] {
+    let opacity = if a == 0.0 { 1.0 } else { f64::from(a) };
+    let [r, g, b] = [r, g, b].map(|c| (curve(f64::from(c) / opacity) * opacity) as f32);
     [r, g, b, a]
-}
-
-/// Accumulators of a linear-light pixel: the inverse of [`linear_pixel`].
-fn accumulators([r, g, b, a]: [f32; 4]) -> [f32; 4] {
-    let [r, g, b] = on_straight([r, g, b], a, srgb_from_linear);
-    [r, g, b, a]
-}
-
-/// Applies a curve to the straight colour of a premultiplied one. Colour without opacity has no straight colour: the curve is applied as if
-/// the pixel were opaque, so that it stays invertible.
-fn on_straight(rgb: [f32; 3], a: f32, curve: impl Fn(f64) -> f64) -> [f32; 3] {
-    let a = if a == 0.0 { 1.0 } else { f64::from(a) };
-    rgb.map(|c| (curve(f64::from(c) / a) * a) as f32)
 }
 
 /// Converts the attributes to the library's types.

@@ -78,12 +78,7 @@ pub struct RawDifference {
 /// # Errors
 /// As [`compare`].
 pub fn compare_raw(a: &RgbaImage, b: &RgbaImage) -> Result<RawDifference, MetricsError> {
-    if (a.width, a.height) != (b.width, b.height) {
-        return Err(MetricsError::DifferentSizes((a.width, a.height), (b.width, b.height)));
-    }
-    if a.pixels.is_empty() {
-        return Err(MetricsError::NoPixels);
-    }
+    check_sizes(a, b)?;
     for (which, image) in [("first", a), ("second", b)] {
         if let Some((column, row)) = image.first_not_finite() {
             return Err(MetricsError::NotFinite { which, column, row });
@@ -98,47 +93,55 @@ pub fn compare_raw(a: &RgbaImage, b: &RgbaImage) -> Result<RawDifference, Metric
     Ok(RawDifference { max, rmse: (squares / (4 * a.pixels.len()) as f64).sqrt() })
 }
 
-/// Differences between two planes of distances of equal size.
+/// Differences between two planes of distances or of normals of equal size.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct DepthMetrics {
-    /// Largest absolute difference where both planes have a distance, world units; 0 if there is no such pixel.
+pub struct PlaneMetrics {
+    /// Largest absolute difference where both planes have a value, world units, or largest angle, degrees; 0 if there is no such pixel.
     pub max: f64,
-    /// Root mean square difference, over the same pixels.
+    /// Root mean square difference or angle, over the same pixels.
     pub rmse: f64,
     /// Number of these pixels.
     pub compared: u64,
-    /// Number of pixels with a distance in only one plane.
+    /// Number of pixels with a value in only one plane.
     pub unmatched: u64,
 }
 
-/// Differences between two planes of normals of equal size.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct NormalMetrics {
-    /// Largest angle where both planes have a normal, degrees; 0 if there is no such pixel.
-    pub max: f64,
-    /// Root mean square angle, over the same pixels.
-    pub rmse: f64,
-    /// Number of these pixels.
-    pub compared: u64,
-    /// Number of pixels with a normal in only one plane.
-    pub unmatched: u64,
+/// Compares distances; a non-finite value means none.
+///
+/// # Errors
+/// If sizes differ, or there are no pixels.
+pub fn compare_depth(a: &DepthImage, b: &DepthImage) -> Result<PlaneMetrics, MetricsError> {
+    compare_where_both(a, b, |x| x.is_finite(), |x, y| (f64::from(x) - f64::from(y)).abs())
 }
 
 /// Compares normals of any length; a zero vector means no normal.
 ///
 /// # Errors
 /// If sizes differ, or there are no pixels.
-pub fn compare_normals(a: &Plane<[f32; 3]>, b: &Plane<[f32; 3]>) -> Result<NormalMetrics, MetricsError> {
-    let mut metrics = NormalMetrics { max: 0.0, rmse: 0.0, compared: 0, unmatched: 0 };
+pub fn compare_normals(a: &Plane<[f32; 3]>, b: &Plane<[f32; 3]>) -> Result<PlaneMetrics, MetricsError> {
+    let angle = |x: [f32; 3], y: [f32; 3]| {
+        let [x, y] = [x, y].map(|n| DVec3::from(n.map(f64::from)));
+        // Precise at small angles, unlike the arc cosine.
+        x.cross(y).length().atan2(x.dot(y)).to_degrees()
+    };
+    compare_where_both(a, b, |normal| normal != [0.0; 3], angle)
+}
+
+/// Compares the pixels that have a value in both planes by a difference of at least 0.
+fn compare_where_both<P: Copy>(
+    a: &Plane<P>,
+    b: &Plane<P>,
+    has_value: impl Fn(P) -> bool,
+    difference: impl Fn(P, P) -> f64,
+) -> Result<PlaneMetrics, MetricsError> {
+    let mut metrics = PlaneMetrics { max: 0.0, rmse: 0.0, compared: 0, unmatched: 0 };
     let mut squares = 0.0;
     for (x, y) in pairs(a, b)? {
-        let [x, y] = [x, y].map(|n| DVec3::from(n.map(f64::from)));
-        match (x != DVec3::ZERO, y != DVec3::ZERO) {
+        match (has_value(x), has_value(y)) {
             (true, true) => {
-                // Precise at small angles, unlike the arc cosine.
-                let angle = x.cross(y).length().atan2(x.dot(y)).to_degrees();
-                metrics.max = metrics.max.max(angle);
-                squares += angle * angle;
+                let difference = difference(x, y);
+                metrics.max = metrics.max.max(difference);
+                squares += difference * difference;
                 metrics.compared += 1;
             }
             (false, false) => {}
@@ -173,34 +176,16 @@ pub fn compare_ids(a: &Plane<u32>, b: &Plane<u32>) -> Result<IdMetrics, MetricsE
 
 /// Pairs of the pixels of two planes.
 fn pairs<P: Copy>(a: &Plane<P>, b: &Plane<P>) -> Result<impl Iterator<Item = (P, P)>, MetricsError> {
-    if (a.width, a.height) != (b.width, b.height) {
-        return Err(MetricsError::DifferentSizes((a.width, a.height), (b.width, b.height)));
-    }
-    if a.pixels.is_empty() {
-        return Err(MetricsError::NoPixels);
-    }
+    check_sizes(a, b)?;
     Ok(a.pixels.iter().copied().zip(b.pixels.iter().copied()))
 }
 
-/// Compares distances; a non-finite value means none.
-///
-/// # Errors
-/// If sizes differ, or there are no pixels.
-pub fn compare_depth(a: &DepthImage, b: &DepthImage) -> Result<DepthMetrics, MetricsError> {
-    let mut metrics = DepthMetrics { max: 0.0, rmse: 0.0, compared: 0, unmatched: 0 };
-    let mut squares = 0.0;
-    for (x, y) in pairs(a, b)? {
-        if x.is_finite() && y.is_finite() {
-            let difference = f64::from(x) - f64::from(y);
-            metrics.max = metrics.max.max(difference.abs());
-            squares += difference * difference;
-            metrics.compared += 1;
-        } else if x.is_finite() || y.is_finite() {
-            metrics.unmatched += 1;
-        }
+/// Checks that two planes have equal sizes, and pixels.
+pub(super) fn check_sizes<P>(a: &Plane<P>, b: &Plane<P>) -> Result<(), MetricsError> {
+    if (a.width, a.height) != (b.width, b.height) {
+        return Err(MetricsError::DifferentSizes((a.width, a.height), (b.width, b.height)));
     }
-    metrics.rmse = (squares / metrics.compared.max(1) as f64).sqrt();
-    Ok(metrics)
+    if a.pixels.is_empty() { Err(MetricsError::NoPixels) } else { Ok(()) }
 }
 
 /// Luma of display-referred RGB (Rec. 601), as in the SSIM paper's programs.

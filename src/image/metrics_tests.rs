@@ -142,9 +142,9 @@ fn depths_are_compared_where_both_have_one() {
     let plane = |pixels: [f32; 4]| DepthImage { width: 4, height: 1, pixels: pixels.into() };
     let none = f32::INFINITY;
     let metrics = compare_depth(&plane([1.0, 2.0, none, none]), &plane([1.0, 5.0, 3.0, none])).unwrap();
-    assert_eq!(metrics, DepthMetrics { max: 3.0, rmse: 4.5_f64.sqrt(), compared: 2, unmatched: 1 });
+    assert_eq!(metrics, PlaneMetrics { max: 3.0, rmse: 4.5_f64.sqrt(), compared: 2, unmatched: 1 });
     let nothing = compare_depth(&plane([none; 4]), &plane([none; 4])).unwrap();
-    assert_eq!(nothing, DepthMetrics { max: 0.0, rmse: 0.0, compared: 0, unmatched: 0 });
+    assert_eq!(nothing, PlaneMetrics { max: 0.0, rmse: 0.0, compared: 0, unmatched: 0 });
     let other = DepthImage { width: 2, height: 2, pixels: vec![1.0; 4] };
     assert_eq!(compare_depth(&plane([1.0; 4]), &other), Err(MetricsError::DifferentSizes((4, 1), (2, 2))));
     assert_eq!(compare_depth(&DepthImage::default(), &DepthImage::default()), Err(MetricsError::NoPixels));

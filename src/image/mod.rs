@@ -16,8 +16,8 @@ pub use exr::{
     ExrAttributes, ExrColor, ExrCompression, ExrDepth, ExrEncoding, ExrImage, ExrValue, read_exr, write_exr,
 };
 pub use metrics::{
-    DepthMetrics, IdMetrics, ImageMetrics, MetricsError, NormalMetrics, RawDifference, compare, compare_depth,
-    compare_ids, compare_normals, compare_raw,
+    IdMetrics, ImageMetrics, MetricsError, PlaneMetrics, RawDifference, compare, compare_depth, compare_ids,
+    compare_normals, compare_raw,
 };
 pub use planes::{Plane, PlaneSamples, Planes};
 pub use png::{PngDepth, read_png, read_png_text, write_png, write_png_with_texts};

@@ -1,5 +1,6 @@
 //! Contact sheets of many frames, and amplified difference images.
 
+use super::metrics::check_sizes;
 use super::{MetricsError, RgbaImage};
 
 /// Frames in rows of `columns`, top left first, with `gap` pixels between and around them, over an opaque `background`.
@@ -39,12 +40,7 @@ pub fn amplified_difference(
     background: [f32; 3],
     factor: Option<f32>,
 ) -> Result<(RgbaImage, f32), MetricsError> {
-    if (a.width, a.height) != (b.width, b.height) {
-        return Err(MetricsError::DifferentSizes((a.width, a.height), (b.width, b.height)));
-    }
-    if a.pixels.is_empty() {
-        return Err(MetricsError::NoPixels);
-    }
+    check_sizes(a, b)?;
     let pairs = a.over(background).into_iter().zip(b.over(background));
     let differences: Vec<[f32; 3]> =
         pairs.map(|(a, b)| std::array::from_fn(|channel| (a[channel] - b[channel]).abs())).collect();

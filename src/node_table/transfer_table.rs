@@ -9,11 +9,9 @@ use std::sync::Arc;
 #[serde(rename_all = "lowercase")]
 pub enum TransferTable {
     /// Over the scalar.
-    #[serde(with = "content")]
     Scalar(Arc<NodeTable>),
     /// Also over coefficients of variation (table rows) or gradient magnitudes (table layers). Segments are then integrated exactly,
     /// whatever the optics.
-    #[serde(with = "content")]
     Joint(Arc<JointTable>),
 }
 
@@ -55,20 +53,6 @@ impl PartialEq for TransferTable {
             (Self::Joint(a), Self::Joint(b)) => Arc::ptr_eq(a, b) || a == b,
             (Self::Scalar(_), Self::Joint(_)) | (Self::Joint(_), Self::Scalar(_)) => false,
         }
-    }
-}
-
-/// Serializes the content of the table, not its address.
-mod content {
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-    use std::sync::Arc;
-
-    pub(super) fn serialize<T: Serialize, S: Serializer>(table: &Arc<T>, serializer: S) -> Result<S::Ok, S::Error> {
-        T::serialize(table, serializer)
-    }
-
-    pub(super) fn deserialize<'de, T: Deserialize<'de>, D: Deserializer<'de>>(data: D) -> Result<Arc<T>, D::Error> {
-        T::deserialize(data).map(Arc::new)
     }
 }
 

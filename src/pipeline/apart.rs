@@ -8,9 +8,8 @@ use crate::codec::vq::VqBlock;
 use crate::codec::{BlockCache, DecodeStats, StepRequest};
 use crate::error::FileResult;
 use crate::histograms::Histogram;
-use crate::lod::Interval;
 use crate::mesh::Mesh;
-use crate::moments::VertexStatistics;
+use crate::store::FieldReader;
 use crate::task::Cancel;
 use std::sync::Arc;
 
@@ -48,20 +47,12 @@ impl StepSource for Apart {
         self.player.is_resident(step) || self.own.is_resident(step)
     }
 
-    fn vertex_importance(&self) -> Option<Vec<f32>> {
-        self.own.vertex_importance()
-    }
-
-    fn vertex_statistics(&self) -> Option<VertexStatistics> {
-        self.own.vertex_statistics()
+    fn reader(&self) -> Option<&FieldReader> {
+        self.own.reader()
     }
 
     fn histograms(&self, mesh: &Mesh, cancel: &Cancel) -> FileResult<Option<Vec<Histogram>>> {
         self.own.histograms(mesh, cancel)
-    }
-
-    fn intervals(&self, count: usize) -> Option<Vec<Interval>> {
-        self.own.intervals(count)
     }
 
     fn with_blocks(&self, blocks: Arc<BlockCache>) -> Box<dyn StepSource> {

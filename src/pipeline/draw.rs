@@ -102,10 +102,7 @@ impl TetDraw {
 
     /// The share of the interior faces that is drawn; 1 where whole cells are.
     pub fn lod(self) -> f64 {
-        match self {
-            Self::Faces(detail) => detail.lod,
-            Self::Auto | Self::Raycast | Self::Reference => 1.0,
-        }
+        self.drawn_by().faces().map_or(1.0, |detail| detail.lod)
     }
 }
 

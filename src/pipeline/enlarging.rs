@@ -6,7 +6,7 @@ use crate::image::upsample::{self, Enlarging, JointKernel, Reference};
 use crate::image::{Planes, RgbaImage};
 use crate::render::RenderJob;
 use crate::render::cpu::layers::BoundaryDepths;
-use crate::render::upsampling::{Enlargement, small_view};
+use crate::render::upsampling::Enlargement;
 use crate::stats::FrameStats;
 use std::sync::Arc;
 use std::time::Instant;
@@ -24,11 +24,6 @@ pub(super) struct Enlarge {
 }
 
 impl Enlarge {
-    /// The view of the small image: pixels of its own around the same centre.
-    pub(super) fn small_view(upsampling: Upsampling, view: &View) -> View {
-        small_view(&upsampling.enlarging((view.width_px, view.height_px)), view)
-    }
-
     /// The enlargement of a job's image to the size of `view`.
     pub(super) fn of(upsampling: Upsampling, job: &RenderJob, view: View) -> Self {
         let enlarging = upsampling.enlarging((view.width_px, view.height_px));

@@ -71,28 +71,17 @@ impl FramePool {
 /// Bytes of the planes of a frame.
 fn bytes_of(frame: &Frame) -> u64 {
     let bytes: usize = frame.planes.list().iter().map(|plane| size_of_val(plane.samples)).sum();
-    bytes as u64 + bytes_on_gpu(frame)
-}
-
-#[cfg(feature = "gpu")]
-fn bytes_on_gpu(frame: &Frame) -> u64 {
-    frame.texture.as_ref().map_or(0, FrameTexture::bytes)
-}
-
-#[cfg(not(feature = "gpu"))]
-fn bytes_on_gpu(_: &Frame) -> u64 {
-    0
+    #[cfg(feature = "gpu")]
+    let on_gpu = frame.texture.as_ref().map_or(0, FrameTexture::bytes);
+    #[cfg(not(feature = "gpu"))]
+    let on_gpu = 0;
+    bytes as u64 + on_gpu
 }
 
 /// Whether a frame still exists: its GPU may be lost.
 #[cfg(feature = "gpu")]
 fn is_there(frame: &Frame) -> bool {
     frame.texture.as_ref().is_none_or(|texture| texture.context().check().is_ok())
-}
-
-#[cfg(not(feature = "gpu"))]
-fn is_there(_: &Frame) -> bool {
-    true
 }
 
 /// Cache of frames of one view within a budget of bytes, keyed by the whole request.
@@ -120,6 +109,7 @@ impl FrameCache {
         if !request.skip.unchanged {
             return None;
         }
+        #[cfg(feature = "gpu")]
         if self.frames.iter().any(|(_, frame)| !is_there(frame)) {
             self.frames.clear();
             self.bytes = 0;

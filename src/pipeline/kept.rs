@@ -58,11 +58,7 @@ pub(super) enum Key {
 
 /// The cached rankings of a series, computed when first asked for.
 #[derive(Debug, Default)]
-pub(super) struct Rankings(pub(super) Mutex<KeptRankings>);
-
-/// [`Rankings`] in the lock.
-#[derive(Debug, Default)]
-pub(super) struct KeptRankings {
+pub(super) struct Rankings {
     /// The ranking that orders the faces within a stratum.
     pub(super) by_hash: Option<Arc<Ranking>>,
     pub(super) unordered: Option<Arc<Ranking>>,

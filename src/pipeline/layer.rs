@@ -1,6 +1,5 @@
 //! The layers of a request, as plain data.
 
-use super::text::shared;
 use super::{FrameRequest, TetDraw};
 use crate::camera::PixelSetError;
 use crate::node_table::{NodeTable, TransferTable};
@@ -62,7 +61,7 @@ pub struct TetLayer {
     /// Transfer function over the field's scalars.
     pub table: TransferTable,
     /// Source of the table, if known: the reference evaluates its formula, or else the table.
-    #[serde(default, skip_serializing_if = "Option::is_none", with = "shared")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub formula: Option<Arc<TransferSource>>,
     /// How ray segments are integrated; the reference has its own way.
     #[serde(default)]
@@ -100,23 +99,7 @@ pub struct ColorsBeside {
     /// Name of the field as options have it: `NAME`, `NAME:mag` or `NAME:0`.
     pub field: String,
     /// Colour table over the field's scalars.
-    #[serde(with = "whole")]
     pub colors: Arc<NodeTable>,
-}
-
-/// Serializes a shared table by its content.
-mod whole {
-    use crate::node_table::NodeTable;
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-    use std::sync::Arc;
-
-    pub(super) fn serialize<S: Serializer>(table: &Arc<NodeTable>, serializer: S) -> Result<S::Ok, S::Error> {
-        table.as_ref().serialize(serializer)
-    }
-
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(data: D) -> Result<Arc<NodeTable>, D::Error> {
-        Ok(Arc::new(NodeTable::deserialize(data)?))
-    }
 }
 
 impl TetLayer {

@@ -10,7 +10,7 @@ use super::transparent::TransparentCache;
 use super::{
     Backend, DrawnBy, FaceDetail, FrameRequest, FrameTime, PipelineError, RequestError, SampleSet, TetLayer, Upsampling,
 };
-use crate::camera::View;
+use crate::camera::{Samples, View};
 use crate::codec::vq;
 use crate::lod::Selector;
 use crate::mesh::Plane;
@@ -18,8 +18,10 @@ use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
 use crate::render::cpu::Placer;
 use crate::render::domain::{DomainFaces, DomainScene, DomainSurface};
+use crate::render::residual::lattice;
 use crate::render::surfaces::screen::{Screen, set_guides};
 use crate::render::surfaces::{FieldBeside, Normals, SurfaceScene, SurfaceShading, VertexGradients, cut_planes};
+use crate::render::upsampling::small_view;
 use crate::render::{CompressedStep, KBuffer, LayerFragments, OpticsTables, Planes, RenderError, RenderJob};
 use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
@@ -230,11 +232,7 @@ pub(super) struct Ordered {
 /// Screen-space light, normals and numbers of surfaces, found on the rendered image.
 #[derive(Debug)]
 pub(super) struct OnImage {
-    view: View,
-    shading: SurfaceShading,
-    depth_range: (f64, f64),
-    isosurfaces: u32,
-    is_thinned: bool,
+    screen: Screen,
     /// Whether the frame keeps normals and numbers.
     keeps_guides: bool,
 }
@@ -249,18 +247,18 @@ impl OnImage {
             let depth_range = (depth - radius, depth + radius);
             let is_thinned = by.faces().is_some_and(|detail| detail.lod < 1.0);
             let isosurfaces = scene.isosurfaces();
-            Self { view, shading, depth_range, isosurfaces, is_thinned, keeps_guides: request.guides }
+            let screen = Screen { view, shading, depth_range, isosurfaces, is_thinned };
+            Self { screen, keeps_guides: request.guides }
         })
     }
 
     /// Lights surfaces from their planes of normals, numbers and depths.
     pub(super) fn finish(self, planes: &mut Planes, guides: &Planes) {
         let depth = set_guides(planes, guides);
-        let Self { view, shading, depth_range, isosurfaces, is_thinned, keeps_guides } = self;
-        if shading.is_of_screen() {
-            Screen { view: &view, shading, depth_range, isosurfaces, is_thinned }.light(planes, depth);
+        if self.screen.shading.is_of_screen() {
+            self.screen.light(planes, depth);
         }
-        if !keeps_guides {
+        if !self.keeps_guides {
             (planes.normal, planes.id) = Default::default();
         }
     }
@@ -322,11 +320,11 @@ impl Order {
         let full_view = view.clone();
         if let Some(upsampling) = request.upsampling {
             check_upsampling(request, upsampling, decoded.by)?;
-            view = Enlarge::small_view(upsampling, &full_view);
+            view = small_view(&upsampling.enlarging(request.size_px), &full_view);
         }
         AddDetails::check(request, decoded.by)?;
         if request.residual.is_some() {
-            view = AddDetails::view(&full_view);
+            view.samples = Samples::Lattice(lattice());
         }
         let has_edges = request.upsampling.is_some_and(|upsampling| upsampling.filter.edges().is_some());
         let contrast = request.samples.contrast();

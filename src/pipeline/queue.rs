@@ -68,20 +68,12 @@ struct State {
     next_id: u64,
     waiting: VecDeque<Ticket>,
     preparing: Vec<(FrameId, Cancel)>,
-    rendering: Option<Rendering>,
+    /// The request that is being rendered.
+    rendering: Option<Ticket>,
     /// Requests whose frames are wanted and have not been taken, oldest first.
     wanted: VecDeque<FrameId>,
     is_closed: bool,
     preparing_max: usize,
-}
-
-/// The request that is being rendered.
-#[derive(Clone, Debug)]
-struct Rendering {
-    id: FrameId,
-    cancel: Cancel,
-    /// Whether it delivers previews: it may take long, and a newer request may drop it.
-    has_previews: bool,
 }
 
 /// The request queue; see the module.
@@ -166,11 +158,7 @@ impl Queue {
         let mut state = self.state();
         state.preparing.retain(|(id, _)| *id != ticket.id);
         let goes_on = !ticket.cancel.is_cancelled();
-        state.rendering = goes_on.then(|| Rendering {
-            id: ticket.id,
-            cancel: ticket.cancel.clone(),
-            has_previews: !ticket.request.previews.is_empty(),
-        });
+        state.rendering = goes_on.then(|| ticket.clone());
         self.changed.notify_all();
         goes_on
     }
@@ -207,7 +195,8 @@ impl State {
         if which == Before::Keep {
             return;
         }
-        let stays = |rendering: &Rendering| which == Before::DropPrepared && !rendering.has_previews;
+        // A request with previews may take long, and a newer one may drop it.
+        let stays = |rendering: &Ticket| which == Before::DropPrepared && rendering.request.previews.is_empty();
         let is_idle =
             self.rendering.as_ref().is_none_or(|rendering| rendering.cancel.is_cancelled() || !stays(rendering));
         let first = self.preparing.iter().find(|(_, cancel)| !cancel.is_cancelled()).map(|(id, _)| *id);

@@ -1,10 +1,11 @@
 //! The order in which a series' faces are drawn at a level of detail.
 
-use super::kept::{KeptRankings, Key};
+use super::kept::{Key, Rankings};
 use super::series::Series;
 use crate::error::FileResult;
 use crate::lod::{Interval, Partition, Ranking, importance, interval_at, sampling_density, step_change};
 use crate::moments::{CovDenominator, Moments};
+use crate::store::FieldReader;
 use crate::task::Cancel;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
@@ -66,7 +67,7 @@ impl Series {
     /// # Errors
     /// If a step that is needed cannot be decoded.
     pub fn ranking(&self, step: usize, sampling: Sampling, cancel: &Cancel) -> FileResult<Option<Arc<Ranking>>> {
-        let mut kept = self.rankings.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = self.rankings.lock().unwrap_or_else(PoisonError::into_inner);
         let key = match sampling {
             Sampling::Error => Key::Error,
             Sampling::Random => Key::Random,
@@ -81,11 +82,11 @@ impl Series {
 
     /// Any ranking, for a level of detail that draws all faces; costs no sorting.
     pub fn any_ranking(&self) -> Arc<Ranking> {
-        let mut kept = self.rankings.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = self.rankings.lock().unwrap_or_else(PoisonError::into_inner);
         kept.unordered.get_or_insert_with(|| Arc::new(Ranking::unordered(&self.mesh.topology))).clone()
     }
 
-    fn ranking_in(&self, kept: &mut KeptRankings, key: Key, cancel: &Cancel) -> FileResult<Option<Arc<Ranking>>> {
+    fn ranking_in(&self, kept: &mut Rankings, key: Key, cancel: &Cancel) -> FileResult<Option<Arc<Ranking>>> {
         if let Some(at) = kept.rankings.iter().position(|(of, _)| *of == key) {
             let found = kept.rankings.remove(at);
             let ranking = found.1.clone();
@@ -124,13 +125,13 @@ impl Series {
     /// # Errors
     /// As [`Self::ranking`].
     pub fn intervals(&self, partition: Partition, cancel: &Cancel) -> FileResult<Option<Arc<[Interval]>>> {
-        let mut kept = self.rankings.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = self.rankings.lock().unwrap_or_else(PoisonError::into_inner);
         self.intervals_in(&mut kept, partition, cancel)
     }
 
     fn intervals_in(
         &self,
-        kept: &mut KeptRankings,
+        kept: &mut Rankings,
         partition: Partition,
         cancel: &Cancel,
     ) -> FileResult<Option<Arc<[Interval]>>> {
@@ -140,7 +141,7 @@ impl Series {
             return Ok(Some(intervals.clone()));
         }
         let stored = match partition {
-            Partition::Regular(count) => self.source.intervals(count),
+            Partition::Regular(count) => self.source.reader().and_then(|reader| reader.intervals(count)),
             _ => None,
         };
         let steps = self.times.len();
@@ -188,11 +189,13 @@ impl Series {
         cancel: &Cancel,
     ) -> FileResult<Option<Vec<f32>>> {
         if denominator == CovDenominator::default()
-            && let Some(stored) = self.source.vertex_importance()
+            && let Some(stored) = self.source.reader().and_then(FieldReader::vertex_importance)
         {
             return Ok(Some(stored));
         }
-        let statistics = match self.source.vertex_statistics() {
+        // Damaged statistics are computed again.
+        let stored = self.source.reader().and_then(|reader| reader.vertex_statistics().ok().flatten());
+        let statistics = match stored {
             Some(statistics) => statistics,
             None => {
                 let mut moments = Moments::new(self.vertices());

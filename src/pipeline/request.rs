@@ -20,7 +20,7 @@ pub struct FrameRequest {
     /// Camera.
     pub camera: Camera,
     /// Width and height in pixels.
-    #[serde(deserialize_with = "size_px::deserialize")]
+    #[serde(deserialize_with = "size_px")]
     pub size_px: (usize, usize),
     /// The layers to draw; nothing without one.
     pub layers: Vec<Layer>,

@@ -3,7 +3,7 @@
 use super::{DrawnBy, FrameRequest, RequestError, SampleSet, SharedFrame};
 use crate::camera::{PixelSet, Samples, View};
 use crate::image::RgbaImage;
-use crate::render::residual::{Details, Residual, lattice};
+use crate::render::residual::{Details, Residual};
 use crate::render::{Planes, RenderJob};
 use crate::stats::FrameStats;
 use std::fmt;
@@ -80,11 +80,6 @@ pub(super) struct AddDetails {
 }
 
 impl AddDetails {
-    /// The view of the rays that are cast.
-    pub(super) fn view(view: &View) -> View {
-        View { samples: Samples::Lattice(lattice()), ..view.clone() }
-    }
-
     /// Refuses requests that cannot use details.
     pub(super) fn check(request: &FrameRequest, by: DrawnBy) -> Result<(), RequestError> {
         let Some(residual) = &request.residual else { return Ok(()) };

@@ -23,7 +23,7 @@ pub enum SampleSet {
     },
     /// Listed pixels, row times image width plus column, in any order and each once: a plane of one row, in this order. Rendered on the
     /// CPU.
-    Pixels(#[serde(with = "pixels")] Arc<[u32]>),
+    Pixels(Arc<[u32]>),
     /// Pixels chosen by contrast; the others are interpolated, so that the planes have all pixels. With rays from cell to cell. A contrast
     /// of 0 chooses all.
     Adaptive {
@@ -67,19 +67,5 @@ impl FromStr for SampleSet {
                 "there are no rays '{text}'; write exact, adaptive or adaptive:CONTRAST, as in adaptive:0.02"
             )),
         }
-    }
-}
-
-/// Serializes a shared list by its content.
-mod pixels {
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-    use std::sync::Arc;
-
-    pub(super) fn serialize<S: Serializer>(pixels: &Arc<[u32]>, serializer: S) -> Result<S::Ok, S::Error> {
-        pixels.as_ref().serialize(serializer)
-    }
-
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(data: D) -> Result<Arc<[u32]>, D::Error> {
-        Ok(Vec::deserialize(data)?.into())
     }
 }

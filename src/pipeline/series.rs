@@ -8,9 +8,7 @@ use crate::field::{FieldSelector, TimeAxis};
 use crate::histograms::Histogram;
 #[cfg(doc)]
 use crate::histograms::Kind;
-use crate::lod::Interval;
 use crate::mesh::Mesh;
-use crate::moments::VertexStatistics;
 use crate::store::{FieldReader, Store, StoredField};
 use crate::task::Cancel;
 use std::path::PathBuf;
@@ -33,17 +31,11 @@ pub(super) trait StepSource: Send + Sync {
     /// Whether a step can be decoded without reading anything.
     fn is_resident(&self, step: usize) -> bool;
 
-    /// The stored coefficients of variation, if they are of these steps.
-    fn vertex_importance(&self) -> Option<Vec<f32>>;
-
-    /// The stored mean and variance of every vertex.
-    fn vertex_statistics(&self) -> Option<VertexStatistics>;
+    /// The reader of the field in its store, which has what was found at import; `None` for a source from elsewhere.
+    fn reader(&self) -> Option<&FieldReader>;
 
     /// Histograms of the whole series, one for each of [`Kind::ALL`]; `None` if there are none, or `cancel` was raised.
     fn histograms(&self, mesh: &Mesh, cancel: &Cancel) -> FileResult<Option<Vec<Histogram>>>;
-
-    /// The `count` intervals chosen at import.
-    fn intervals(&self, count: usize) -> Option<Vec<Interval>>;
 
     /// Another source of the same steps, with its blocks in `blocks`.
     fn with_blocks(&self, blocks: Arc<BlockCache>) -> Box<dyn StepSource>;
@@ -70,21 +62,12 @@ impl StepSource for FieldReader {
         FieldReader::is_resident(self, step)
     }
 
-    fn vertex_importance(&self) -> Option<Vec<f32>> {
-        FieldReader::vertex_importance(self)
-    }
-
-    fn vertex_statistics(&self) -> Option<VertexStatistics> {
-        // Damaged statistics are computed again.
-        FieldReader::vertex_statistics(self).ok().flatten()
+    fn reader(&self) -> Option<&FieldReader> {
+        Some(self)
     }
 
     fn histograms(&self, mesh: &Mesh, cancel: &Cancel) -> FileResult<Option<Vec<Histogram>>> {
         FieldReader::histograms(self, mesh, cancel)
-    }
-
-    fn intervals(&self, count: usize) -> Option<Vec<Interval>> {
-        FieldReader::intervals(self, count)
     }
 
     fn with_blocks(&self, blocks: Arc<BlockCache>) -> Box<dyn StepSource> {
@@ -99,7 +82,7 @@ pub struct Series {
     pub(super) field: StoredField,
     pub(super) source: Box<dyn StepSource>,
     pub(super) blocks: Arc<BlockCache>,
-    pub(super) rankings: Rankings,
+    pub(super) rankings: Mutex<Rankings>,
     pub(super) ranges: ChunkRanges,
     pub(super) quantities: Arc<Quantities>,
     pub(super) beside: Beside,
@@ -185,7 +168,7 @@ impl Series {
             field: reader.info().clone(),
             source: Box::new(reader),
             blocks,
-            rankings: Rankings::default(),
+            rankings: Mutex::default(),
             ranges: ChunkRanges::default(),
             quantities: Arc::default(),
             beside: Beside { store: Some(store.path().to_owned()), ..Beside::default() },

@@ -187,10 +187,8 @@ pub(super) fn render_all(
         if !shared.queue.end_render(&ticket) {
             continue;
         }
-        let (frame, is_kept) = match rendered {
-            Ok((frame, is_kept)) => (Ok(frame), is_kept),
-            Err(error) => (Err(error), false),
-        };
+        let is_kept = matches!(rendered, Ok((_, true)));
+        let frame = rendered.map(|(frame, _)| frame);
         let Ticket { id, request, .. } = ticket;
         if to.send(Delivery { id, request, frame, is_kept, is_final: true }).is_err() {
             break;

@@ -101,13 +101,8 @@ impl StepCache {
         // A step that is held must not be overwritten by decoding the other one.
         let known = self.find(next.into(), needed);
         let Some(from) = self.show(series, time.step().into(), needed, cancel, stats)? else { return Ok(None) };
-        let to = match known {
-            Some(to) => to,
-            None => match self.show(series, next.into(), needed, cancel, stats)? {
-                Some(to) => to,
-                None => return Ok(None),
-            },
-        };
+        let to = if known.is_some() { known } else { self.show(series, next.into(), needed, cancel, stats)? };
+        let Some(to) = to else { return Ok(None) };
         self.fill(time, vertices, needed, |out| {
             mix_steps(&from, &to, weight, cancel, out);
             Ok(!cancel.is_cancelled())
@@ -140,26 +135,19 @@ impl StepCache {
         // behind and moves the values.
         let values = Arc::make_mut(&mut scalars);
         values.resize(vertices, 0.0);
-        match fill(values) {
-            Ok(true) => {
-                self.uses += 1;
-                if needed.is_none() {
-                    // The complete buffer replaces partial ones.
-                    self.held.retain(|held| held.time != time);
-                }
-                let chunks = needed.map(<[bool]>::to_vec);
-                self.held.push(Held { time, scalars: scalars.clone(), chunks, used: self.uses });
-                Ok(Some(scalars))
-            }
-            Ok(false) => {
-                self.spare = Some(scalars);
-                Ok(None)
-            }
-            Err(error) => {
-                self.spare = Some(scalars);
-                Err(error)
-            }
+        let filled = fill(values);
+        if !matches!(filled, Ok(true)) {
+            self.spare = Some(scalars);
+            return filled.map(|_| None);
         }
+        self.uses += 1;
+        if needed.is_none() {
+            // The complete buffer replaces partial ones.
+            self.held.retain(|held| held.time != time);
+        }
+        let chunks = needed.map(<[bool]>::to_vec);
+        self.held.push(Held { time, scalars: scalars.clone(), chunks, used: self.uses });
+        Ok(Some(scalars))
     }
 
     /// A buffer that no frame holds: the least recently used, or a new one.

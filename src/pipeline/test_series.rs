@@ -7,10 +7,8 @@ use crate::error::{FileError, FileResult};
 use crate::field::{FieldSelector, TimeAxis};
 use crate::histograms::Histogram;
 use crate::ingest::{IngestOptions, ingest};
-use crate::lod::Interval;
 use crate::mesh::Mesh;
-use crate::moments::VertexStatistics;
-use crate::store::{Store, StoredField};
+use crate::store::{FieldReader, Store, StoredField};
 use crate::synth::{SeriesName, SynthSpec, generate};
 use crate::task::{Cancel, Silent};
 use std::sync::{Arc, Mutex, OnceLock};
@@ -109,15 +107,7 @@ impl StepSource for Fake {
         false
     }
 
-    fn vertex_importance(&self) -> Option<Vec<f32>> {
-        None
-    }
-
-    fn vertex_statistics(&self) -> Option<VertexStatistics> {
-        None
-    }
-
-    fn intervals(&self, _count: usize) -> Option<Vec<Interval>> {
+    fn reader(&self) -> Option<&FieldReader> {
         None
     }
 

@@ -6,7 +6,8 @@
 use super::{FaceDetail, FrameRequest, FrameTime, Layer, RequestError, Upsampling};
 use crate::camera::check_size;
 use crate::short::Short;
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::ser::Formatter;
 use std::io::{self, Write};
 
@@ -152,15 +153,9 @@ impl Formatter for Places {
 }
 
 /// Reads a size, which must be positive.
-pub(super) mod size_px {
-    use super::check_size;
-    use serde::de::Error;
-    use serde::{Deserialize, Deserializer};
-
-    pub(in crate::pipeline) fn deserialize<'de, D: Deserializer<'de>>(data: D) -> Result<(usize, usize), D::Error> {
-        let size = <(usize, usize)>::deserialize(data)?;
-        check_size(size).map(|()| size).map_err(D::Error::custom)
-    }
+pub(super) fn size_px<'de, D: Deserializer<'de>>(data: D) -> Result<(usize, usize), D::Error> {
+    let size = <(usize, usize)>::deserialize(data)?;
+    check_size(size).map(|()| size).map_err(D::Error::custom)
 }
 
 /// Serializes a value by its text.
@@ -182,27 +177,6 @@ pub(super) mod as_text {
         D: Deserializer<'de>,
     {
         String::deserialize(data)?.parse().map_err(D::Error::custom)
-    }
-}
-
-/// Serializes a shared value by its content; left out if it is `None`.
-pub(super) mod shared {
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-    use std::sync::Arc;
-
-    pub(in crate::pipeline) fn serialize<T: Serialize, S: Serializer>(
-        value: &Option<Arc<T>>,
-        serializer: S,
-    ) -> Result<S::Ok, S::Error> {
-        value.as_deref().serialize(serializer)
-    }
-
-    pub(in crate::pipeline) fn deserialize<'de, T, D>(data: D) -> Result<Option<Arc<T>>, D::Error>
-    where
-        T: Deserialize<'de>,
-        D: Deserializer<'de>,
-    {
-        Ok(Option::deserialize(data)?.map(Arc::new))
     }
 }
 

@@ -54,8 +54,7 @@ impl ColorMap {
             point.position = if width > 0.0 { from_first / width } else { 0.0 };
         }
         points.dedup_by(|next, kept| next == kept);
-        keep_outer_of_equal(&mut points);
-        Ok(Self { name, points, nan_color })
+        Ok(Self { name, points: outer_of_equal(&points, |p| p.position), nan_color })
     }
 
     /// Name of the map; a reversed one ends with `_r`.
@@ -88,16 +87,27 @@ impl ColorMap {
 
     /// Colour just left of a position, and at it.
     pub(super) fn eval_sides(&self, position: f64) -> [[f64; 3]; 2] {
-        let left = self.points.partition_point(|p| p.position < position);
-        let right = self.points.partition_point(|p| p.position <= position);
-        let between =
-            |after: usize| match (after.checked_sub(1).and_then(|i| self.points.get(i)), self.points.get(after)) {
-                (Some(a), Some(b)) => mix(a.rgb, b.rgb, (position - a.position) / (b.position - a.position)),
-                (Some(end), None) | (None, Some(end)) => end.rgb,
-                (None, None) => [0.0; 3], // not reached: a map has a point
-            };
-        [between(left), between(right)]
+        sides_at(&self.points, position, |p| (p.position, p.rgb), mix)
     }
+}
+
+/// The value just left of a position, and at it, of points sorted by position, given by `place` as position and value: `mix` between two of
+/// them, constant outside.
+pub(super) fn sides_at<P, V: Default>(
+    points: &[P],
+    position: f64,
+    place: impl Fn(&P) -> (f64, V),
+    mix: impl Fn(V, V, f64) -> V,
+) -> [V; 2] {
+    let left = points.partition_point(|p| place(p).0 < position);
+    let right = points.partition_point(|p| place(p).0 <= position);
+    let of = |index: Option<usize>| index.and_then(|i| points.get(i)).map(&place);
+    let between = |after: usize| match (of(after.checked_sub(1)), of(Some(after))) {
+        (Some((a, from)), Some((b, to))) => mix(from, to, (position - a) / (b - a)),
+        (Some((_, end)), None) | (None, Some((_, end))) => end,
+        (None, None) => V::default(), // not reached: there is a point
+    };
+    [between(left), between(right)]
 }
 
 /// Interpolates from `a` at 0 to `b` at 1: exact at both ends, monotone, and constant if they are equal.
@@ -110,15 +120,11 @@ pub(super) fn mix(a: [f64; 3], b: [f64; 3], f: f64) -> [f64; 3] {
     std::array::from_fn(|i| lerp(a[i], b[i], f))
 }
 
-/// Keeps the first and the last of more than two points at one position: the two sides of a step.
-fn keep_outer_of_equal(points: &mut Vec<ColorPoint>) {
-    let all = std::mem::take(points);
-    for (i, point) in all.iter().enumerate() {
-        let same = |j: Option<&ColorPoint>| j.is_some_and(|other| other.position == point.position);
-        if !(same(i.checked_sub(1).and_then(|j| all.get(j))) && same(all.get(i + 1))) {
-            points.push(*point);
-        }
-    }
+/// Sorted points, of which only the first and the last are kept where more than two are at one position: the two sides of a step.
+pub(super) fn outer_of_equal<P: Copy>(points: &[P], position: impl Fn(&P) -> f64) -> Vec<P> {
+    let is_at = |i: usize, j: usize| position(&points[i]) == position(&points[j]);
+    let is_between = |i: usize| i > 0 && i + 1 < points.len() && is_at(i - 1, i + 1);
+    (0..points.len()).filter(|&i| !is_between(i)).map(|i| points[i]).collect()
 }
 
 #[cfg(test)]

@@ -22,8 +22,8 @@ impl Curve {
     /// A curve of points sorted by scalar; transparent if there are none.
     pub(super) fn new(points: Vec<ProfilePoint>, kind: OpacityKind) -> Self {
         if points.is_empty() {
-            let side = Side { rgb: [0.0; 3], value: 0.0 };
-            return Self { points: vec![ProfilePoint { scalar: 0.0, left: side, right: side }], kind };
+            let point = ProfilePoint { scalar: 0.0, left: Side::TRANSPARENT, right: Side::TRANSPARENT };
+            return Self { points: vec![point], kind };
         }
         Self { points, kind }
     }
@@ -62,7 +62,7 @@ impl Curve {
             (Some(a), Some(b)) => [Side::mix(&a.right, &b.left, (scalar - a.scalar) / (b.scalar - a.scalar)); 2],
             (Some(last), None) => [last.right; 2],
             (None, Some(first)) => [first.left; 2],
-            (None, None) => [Side { rgb: [0.0; 3], value: 0.0 }; 2], // not reached: a curve has a point
+            (None, None) => [Side::TRANSPARENT; 2], // not reached: a curve has a point
         }
     }
 

@@ -6,8 +6,7 @@ use super::function::{OpacityPoint, OpacityValues, PositionKind, TransferFunctio
 use super::paraview::{ColorMapEntry, JsonEntry, read_color_maps};
 use crate::error::FileError;
 use crate::files::os_string;
-use serde::de::Error;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 use std::ffi::OsStr;
 use std::path::Path;
 
@@ -42,18 +41,6 @@ impl TransferFunctionFile {
     }
 }
 
-impl Serialize for TransferFunction {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        TransferFunctionFile::from(self).serialize(serializer)
-    }
-}
-
-impl<'de> Deserialize<'de> for TransferFunction {
-    fn deserialize<D: Deserializer<'de>>(data: D) -> Result<Self, D::Error> {
-        TransferFunctionFile::deserialize(data)?.try_into().map_err(D::Error::custom)
-    }
-}
-
 impl TryFrom<TransferFunctionFile> for TransferFunction {
     type Error = TransferError;
 
@@ -69,8 +56,8 @@ impl TryFrom<TransferFunctionFile> for TransferFunction {
     }
 }
 
-impl From<&TransferFunction> for TransferFunctionFile {
-    fn from(tf: &TransferFunction) -> Self {
+impl From<TransferFunction> for TransferFunctionFile {
+    fn from(tf: TransferFunction) -> Self {
         let map = tf.color_map();
         let built_in = find_built_in(map.name()).is_some_and(|found| found == *map);
         let color_map = if built_in {

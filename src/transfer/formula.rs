@@ -5,7 +5,7 @@
 use super::TransferError;
 use super::blend::mix_sides;
 use super::ensemble::{Context, Ensemble, Evaluator, Sample, Space};
-use super::function::{OpacityValues, PositionKind, TransferFunction};
+use super::function::{OpacityValues, TransferFunction};
 use super::opacity::OpacityKind;
 use super::pieces::ColorWeighting;
 use super::profile::{Axis, OnAxis, Side};
@@ -119,12 +119,9 @@ impl TransferSource {
     ) -> Result<(Parts<'a>, OpacityKind, Vec<f64>), TransferError> {
         let kind = if tf.values() == OpacityValues::Extinction { OpacityKind::Extinction } else { self.kind };
         let map = RangeMap::default();
-        let function = OnAxis::new(tf, &Axis::new(range, &map), kind, self.lengths.unit_distance)?;
-        let mut knots: Vec<f64> = tf.color_map().points().iter().map(|p| range.scalar_at(p.position)).collect();
-        knots.extend(tf.points().iter().map(|p| match tf.positions() {
-            PositionKind::Relative => range.scalar_at(p.position),
-            PositionKind::Absolute => p.position,
-        }));
+        let axis = Axis::new(range, &map);
+        let function = OnAxis::new(tf, &axis, kind, self.lengths.unit_distance)?;
+        let knots = axis.knots(tf).map(|knot| knot.scalar).collect();
         Ok((Parts::Function { range, map, function }, kind, knots))
     }
 
@@ -187,21 +184,14 @@ impl Formula<'_> {
     /// its right side.
     pub fn eval(&self, scalar: f64) -> ([f64; 3], f64) {
         let side = self.side(scalar);
-        let depth = match self.kind {
-            OpacityKind::Alpha => -(-side.value).ln_1p(),
-            OpacityKind::Extinction => side.value,
-        };
-        (side.rgb, depth / self.unit_distance)
+        (side.rgb, self.kind.depth(side.value) / self.unit_distance)
     }
 
     fn side(&self, scalar: f64) -> Side {
         match &self.parts {
             Parts::Function { range, map, function } => function.sides(Axis::new(range, map).position_of(scalar))[1],
             Parts::Ensembles { from, toward, colors } => {
-                let at = |evaluator: &Evaluator| {
-                    let (rgb, value) = evaluator.eval(&Sample { scalar, gradient: 0.0, cov: 0.0 });
-                    Side { rgb, value }
-                };
+                let at = |evaluator: &Evaluator| evaluator.eval_side(&Sample { scalar, gradient: 0.0, cov: 0.0 });
                 match toward {
                     Some((next, share)) => mix_sides(&at(from), &at(next), *share, *colors),
                     None => at(from),

@@ -2,6 +2,7 @@
 
 use super::TransferError;
 use super::color_map::ColorMap;
+use super::file::TransferFunctionFile;
 use serde::{Deserialize, Serialize};
 
 /// A point of the opacity curve.
@@ -50,7 +51,8 @@ pub enum OpacityValues {
 }
 
 /// A colour map and an opacity curve: linear between its points, constant outside; two points at one position make a step.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "TransferFunctionFile", into = "TransferFunctionFile")]
 pub struct TransferFunction {
     color_map: ColorMap,
     points: Vec<OpacityPoint>,

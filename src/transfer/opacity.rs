@@ -15,6 +15,16 @@ pub enum OpacityKind {
     Extinction,
 }
 
+impl OpacityKind {
+    /// Optical depth of a unit distance with this value; infinite for opacity 1.
+    pub(super) fn depth(self, value: f64) -> f64 {
+        match self {
+            Self::Alpha => -(-value).ln_1p(),
+            Self::Extinction => value,
+        }
+    }
+}
+
 words!(OpacityKind, "there is no opacity kind", ["alpha" = Alpha, "extinction" = Extinction]);
 
 /// Optical depth of a unit distance where opacity is 1 over an interval. So large that a ray that meets the interval at all is

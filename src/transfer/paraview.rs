@@ -1,6 +1,6 @@
 //! Colour maps in ParaView's JSON: an array of `{Name, ColorSpace, NanColor, RGBPoints: [x, r, g, b, ...], Points}`.
 
-use super::color_map::{ColorMap, ColorPoint};
+use super::color_map::{ColorMap, ColorPoint, outer_of_equal};
 use super::color_space;
 use super::function::OpacityPoint;
 use crate::error::{FileError, FileResult};
@@ -136,9 +136,7 @@ fn opacity_points(numbers: &[f64]) -> Result<Vec<OpacityPoint>, String> {
         points.extend(inner.map(|(f, value)| OpacityPoint { position: a * (1.0 - f) + b * f, value }));
         points.push(OpacityPoint { position: b, value: pair[1][1] });
     }
-    // Of more than two points at one position the first and the last are kept: the two sides of a step.
-    let middle = |i: usize| i > 0 && i + 1 < points.len() && points[i - 1].position == points[i + 1].position;
-    Ok((0..points.len()).filter(|&i| !middle(i)).map(|i| points[i]).collect())
+    Ok(outer_of_equal(&points, |p| p.position))
 }
 
 /// Sharpness below this is linear, above one minus this a step; VTK's.

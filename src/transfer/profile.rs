@@ -1,7 +1,7 @@
 //! A transfer function as a curve that is linear in the scalar between points.
 
 use super::TransferError;
-use super::color_map::{lerp, mix};
+use super::color_map::{lerp, mix, sides_at};
 use super::function::{OpacityPoint, OpacityValues, PositionKind, TransferFunction};
 use super::opacity::OpacityKind;
 use super::range::MappedRange;
@@ -29,6 +29,9 @@ pub(super) struct ProfilePoint {
 }
 
 impl Side {
+    /// Black, and without opacity.
+    pub(super) const TRANSPARENT: Side = Side { rgb: [0.0; 3], value: 0.0 };
+
     pub(super) fn mix(a: &Side, b: &Side, f: f64) -> Side {
         Side { rgb: mix(a.rgb, b.rgb, f), value: lerp(a.value, b.value, f) }
     }
@@ -53,9 +56,9 @@ pub(super) struct Axis<'a> {
 
 /// A knot of the curve: its position on the axis and its scalar.
 #[derive(Clone, Copy)]
-struct Knot {
+pub(super) struct Knot {
     position: f64,
-    scalar: f64,
+    pub scalar: f64,
 }
 
 impl<'a> Axis<'a> {
@@ -73,22 +76,31 @@ impl<'a> Axis<'a> {
         self.map.eval(self.range.position_of(scalar))
     }
 
-    fn knot(&self, position: f64) -> Knot {
+    pub(super) fn knot(&self, position: f64) -> Knot {
         Knot { position, scalar: self.scalar_at(position) }
+    }
+
+    /// The points of the colour map and of the opacities of a transfer function.
+    pub(super) fn knots(&self, tf: &TransferFunction) -> impl Iterator<Item = Knot> {
+        let of_colors = tf.color_map().points().iter().map(move |p| self.knot(p.position));
+        of_colors.chain(tf.points().iter().map(move |p| match tf.positions() {
+            PositionKind::Relative => self.knot(p.position),
+            PositionKind::Absolute => Knot { position: self.position_of(p.position), scalar: p.position },
+        }))
     }
 
     /// The curve with colour and value `sides` at a position, linear between these knots: sorted by scalar, at least two points, all
     /// scalars different.
     ///
     /// On a logarithmic axis such a curve is linear in the logarithm between two knots; it is refined to `precision`.
-    fn curve(
+    pub(super) fn curve(
         &self,
-        mut knots: Vec<Knot>,
+        knots: impl Iterator<Item = Knot>,
         sides: impl Fn(f64) -> [Side; 2],
         precision: &Precision,
     ) -> Vec<ProfilePoint> {
         // The ends of the axis are points of the map.
-        knots.extend(self.map.points().iter().map(|p| self.knot(p[1])));
+        let mut knots: Vec<Knot> = knots.chain(self.map.points().iter().map(|p| self.knot(p[1]))).collect();
         knots.sort_by(|a, b| a.position.total_cmp(&b.position));
         knots.dedup_by(|next, kept| next.position == kept.position);
         let refinement = Refinement { axis: self, precision };
@@ -111,16 +123,6 @@ impl<'a> Axis<'a> {
         }
         points
     }
-
-    /// The curve with colour and value `sides` at a position, linear between `positions`.
-    pub(super) fn curve_between(
-        &self,
-        positions: impl Iterator<Item = f64>,
-        sides: impl Fn(f64) -> [Side; 2],
-        precision: &Precision,
-    ) -> Vec<ProfilePoint> {
-        self.curve(positions.map(|p| self.knot(p)).collect(), sides, precision)
-    }
 }
 
 /// The curve of `tf` over `axis`: sorted by scalar, at least two points, all scalars different.
@@ -131,12 +133,7 @@ pub(super) fn profile(
     unit_distance: f64,
 ) -> Result<Vec<ProfilePoint>, TransferError> {
     let on_axis = OnAxis::new(tf, axis, precision.kind, unit_distance)?;
-    let mut knots: Vec<Knot> = tf.color_map().points().iter().map(|p| axis.knot(p.position)).collect();
-    knots.extend(tf.points().iter().map(|p| match tf.positions() {
-        PositionKind::Relative => axis.knot(p.position),
-        PositionKind::Absolute => Knot { position: axis.position_of(p.position), scalar: p.position },
-    }));
-    Ok(axis.curve(knots, |position| on_axis.sides(position), precision))
+    Ok(axis.curve(axis.knots(tf), |position| on_axis.sides(position), precision))
 }
 
 /// A transfer function whose opacity points are at axis positions and have values per unit distance.
@@ -181,24 +178,10 @@ impl<'a> OnAxis<'a> {
 
     /// Colour and value just left of a position, and at it.
     pub(super) fn sides(&self, position: f64) -> [Side; 2] {
-        let (rgb, value) = (self.tf.color_map().eval_sides(position), value_sides(&self.opacity, position));
+        let rgb = self.tf.color_map().eval_sides(position);
+        let value = sides_at(&self.opacity, position, |p| (p.position, p.value), lerp);
         std::array::from_fn(|i| Side { rgb: rgb[i], value: value[i] })
     }
-}
-
-/// Value just left of a position, and at it.
-fn value_sides(points: &[OpacityPoint], position: f64) -> [f64; 2] {
-    let left = points.partition_point(|p| p.position < position);
-    let right = points.partition_point(|p| p.position <= position);
-    let between = |after: usize| match (after.checked_sub(1).and_then(|i| points.get(i)), points.get(after)) {
-        (Some(a), Some(b)) => {
-            let f = (position - a.position) / (b.position - a.position);
-            lerp(a.value, b.value, f)
-        }
-        (Some(end), None) | (None, Some(end)) => end.value,
-        (None, None) => 0.0, // not reached: a transfer function has a point
-    };
-    [between(left), between(right)]
 }
 
 /// Refines pieces that are linear in the logarithm to pieces linear in the scalar.
@@ -218,11 +201,7 @@ impl Refinement<'_> {
         let splits = a.scalar < middle.scalar && middle.scalar < b.scalar;
         let bow = chord_error_of_log(a.scalar, b.scalar);
         let (least, most) = (a_side.value.min(b_side.value), a_side.value.max(b_side.value));
-        let depth = match kind {
-            OpacityKind::Alpha => -(-most).ln_1p(),
-            OpacityKind::Extinction => most,
-        };
-        let of_color = if where_transparent { tolerance.everywhere() } else { tolerance }.of_color(depth);
+        let of_color = if where_transparent { tolerance.everywhere() } else { tolerance }.of_color(kind.depth(most));
         let colour_ok = a_side.rgb.iter().zip(b_side.rgb).all(|(x, y)| bow * (x - y).abs() <= of_color);
         let value_ok = bow * (most - least) <= tolerance.of_value(kind, least, most);
         if (colour_ok && value_ok) || !splits {

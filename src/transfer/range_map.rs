@@ -91,20 +91,15 @@ impl RangeMap {
             [x, lerp(below / total, x, EVEN_SHARE)]
         };
         let edges: Vec<[f64; 2]> = std::iter::once([0.0; 2]).chain(counts.iter().enumerate().map(edge)).collect();
-        let mut map = Self { points: vec![[0.0; 2]] };
+        let mut points = vec![[0.0; 2]];
         for end in simplified(&edges) {
-            map.push_apart(end);
+            if points.last().is_none_or(|last| are_apart(last, &end)) {
+                points.push(end);
+            }
         }
-        map.points.pop_if(|last| last[0] + Self::GAP > 1.0 || last[1] + Self::GAP > 1.0);
-        map.points.push([1.0; 2]);
-        map
-    }
-
-    /// Appends a point, unless it is too near to the last one.
-    fn push_apart(&mut self, [x, y]: [f64; 2]) {
-        if self.points.last().is_none_or(|last| last[0] + Self::GAP <= x && last[1] + Self::GAP <= y) {
-            self.points.push([x, y]);
-        }
+        points.pop_if(|last| !are_apart(last, &[1.0; 2]));
+        points.push([1.0; 2]);
+        Self { points }
     }
 
     /// All points [x, y], from [0, 0] to [1, 1].
@@ -136,9 +131,8 @@ impl RangeMap {
     pub fn with_point(&self, x: f64) -> Option<(Self, usize)> {
         let point = [x, self.eval(x)];
         let index = self.points.partition_point(|p| p[0] <= x);
-        let apart = |a: &[f64; 2], b: &[f64; 2]| a[0] + Self::GAP <= b[0] && a[1] + Self::GAP <= b[1];
         let (before, after) = (self.points.get(index.checked_sub(1)?)?, self.points.get(index)?);
-        if !(apart(before, &point) && apart(&point, after)) {
+        if !(are_apart(before, &point) && are_apart(&point, after)) {
             return None;
         }
         let mut map = self.clone();
@@ -242,6 +236,11 @@ impl RangeMap {
         }
         Self { points }
     }
+}
+
+/// Whether a point lies at least a gap to the left of another, and below it.
+fn are_apart(a: &[f64; 2], b: &[f64; 2]) -> bool {
+    a[0] + RangeMap::GAP <= b[0] && a[1] + RangeMap::GAP <= b[1]
 }
 
 /// The points, from the second one on, of a simplified polyline that passes all others within [`EQUALISED_TOLERANCE`].

@@ -156,17 +156,13 @@ fn with_ramp_ends(curve: &[ProfilePoint]) -> Vec<ProfilePoint> {
 
 /// Optical depth of a unit distance where opacity is constant over an interval.
 fn constant_depth(value: f64, kind: OpacityKind) -> f64 {
-    match kind {
-        OpacityKind::Alpha if value == 1.0 => OPAQUE_DEPTH,
-        OpacityKind::Alpha => -(-value).ln_1p(),
-        OpacityKind::Extinction => value,
-    }
+    if kind == OpacityKind::Alpha && value == 1.0 { OPAQUE_DEPTH } else { kind.depth(value) }
 }
 
 /// Optical depth of a unit distance at a value of a ramp, capped at [`RAMP_DEPTH`].
 fn curve_depth(value: f64, kind: OpacityKind) -> f64 {
     match kind {
-        OpacityKind::Alpha => (-(-value).ln_1p()).min(RAMP_DEPTH),
+        OpacityKind::Alpha => kind.depth(value).min(RAMP_DEPTH),
         OpacityKind::Extinction => value,
     }
 }
@@ -338,7 +334,7 @@ impl Piece {
         if !self.is_ramp || ends.contains(&place.scalar) {
             return depth;
         }
-        let tolerance = self.tolerance.of_depth().max(self.tolerance.share_of_depth() * depth);
+        let tolerance = self.tolerance.depth.max(self.tolerance.share * depth);
         (depth - BELOW * tolerance).max(0.0)
     }
 
@@ -376,8 +372,7 @@ impl Piece {
     /// Whether between two neighbouring places the line's depth, from `a.0` to `b.0`, fits the curve's value, from `a.1` to `b.1`; both are
     /// linear there. Either the absolute or the relative tolerance must hold throughout.
     fn opacity_fits(&self, a: (f64, f64), b: (f64, f64)) -> bool {
-        let (absolute, share) = (self.tolerance.of_depth(), self.tolerance.share_of_depth());
-        self.is_within(a, b, absolute, 0.0) || self.is_within(a, b, 0.0, share)
+        self.is_within(a, b, self.tolerance.depth, 0.0) || self.is_within(a, b, 0.0, self.tolerance.share)
     }
 
     /// Whether the line is nowhere off the curve's depth d by more than `absolute + share * d`.

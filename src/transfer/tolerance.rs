@@ -76,9 +76,9 @@ pub(super) struct Tolerance {
     /// Error of a colour channel where the longest path is opaque.
     color: f64,
     /// Error of the optical depth of a unit distance: this,
-    depth: f64,
+    pub depth: f64,
     /// or this part of the depth, whichever is larger.
-    share: f64,
+    pub share: f64,
     /// Length of the longest path in unit distances.
     units: f64,
 }
@@ -111,16 +111,6 @@ impl Tolerance {
     /// more.
     pub fn of_color(&self, depth: f64) -> f64 {
         self.color / (depth * self.units).min(1.0)
-    }
-
-    /// Absolute error allowed of the optical depth of a unit distance.
-    pub fn of_depth(&self) -> f64 {
-        self.depth
-    }
-
-    /// Relative error allowed of the optical depth of a unit distance.
-    pub fn share_of_depth(&self) -> f64 {
-        self.share
     }
 
     /// Error allowed of a value between `least` and `most`, which are opacities or optical depths of a unit distance.

@@ -5,7 +5,7 @@ use crate::render::difference;
 use crate::series::{cameras, colors_for};
 use crate::skipping::{SAMPLES, sample};
 use std::num::NonZeroUsize;
-use tetreel::image::{DepthMetrics, Planes, compare_depth, compare_ids, compare_normals};
+use tetreel::image::{PlaneMetrics, Planes, compare_depth, compare_ids, compare_normals};
 use tetreel::pipeline::{Backend, FaceDetail, FrameRequest, Pipeline, SampleSet, Sampling, TetDraw};
 use tetreel::render::surfaces::{Cut, Isosurface, Normals};
 use tetreel::visibility::Skip;
@@ -52,7 +52,7 @@ fn apart(a: &Planes, b: &Planes) -> (usize, usize, f64, f64) {
             (a.depth.pixels[i], a.normal.pixels[i]) = (b.depth.pixels[i], b.normal.pixels[i]);
         }
     }
-    let DepthMetrics { max, unmatched, .. } = compare_depth(&a.depth, &b.depth).unwrap();
+    let PlaneMetrics { max, unmatched, .. } = compare_depth(&a.depth, &b.depth).unwrap();
     assert_eq!(unmatched, 0);
     (different, at_edges, max, compare_normals(&a.normal, &b.normal).unwrap().max)
 }

@@ -1,9 +1,10 @@
 //! Reads EXR files, our own and those of other programs.
 
 use super::{
-    COLOR, ExrAttributes, ExrColor, ExrImage, ExrValue, ID, NORMAL, SAVE_AS, SOFTWARE, accumulators, file_error,
+    COLOR, ExrAttributes, ExrColor, ExrImage, ExrValue, ID, NORMAL, SAVE_AS, SOFTWARE, file_error, on_straight,
 };
 use crate::error::{FileError, FileResult};
+use crate::image::srgb::srgb_from_linear;
 use crate::image::{Plane, Planes, RgbaImage};
 use ::exr::image::read::image::ReadLayers as _;
 use ::exr::image::read::layers::ReadChannels as _;
@@ -50,7 +51,7 @@ pub fn read_exr(path: &Path) -> FileResult<ExrImage> {
     };
     let mut color = color_of(path, &layer.channel_data, width, height)?;
     if stored == ExrColor::Linear {
-        color.pixels.iter_mut().for_each(|p| *p = accumulators(*p));
+        color.pixels.iter_mut().for_each(|p| *p = on_straight(*p, srgb_from_linear));
     }
     let channels = &layer.channel_data;
     let depth = channel(channels, "Z").map(|z| Plane { width, height, pixels: floats(z) }).unwrap_or_default();

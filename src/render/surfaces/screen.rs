@@ -65,8 +65,9 @@ pub(crate) fn set_guides(planes: &mut Planes, guides: &Planes) -> DepthImage {
 }
 
 /// Inputs of lighting in image space.
-pub(crate) struct Screen<'a> {
-    pub(crate) view: &'a View,
+#[derive(Debug)]
+pub(crate) struct Screen {
+    pub(crate) view: View,
     pub(crate) shading: SurfaceShading,
     /// Least and greatest depth of the mesh in the view.
     pub(crate) depth_range: (f64, f64),
@@ -76,7 +77,7 @@ pub(crate) struct Screen<'a> {
     pub(crate) is_thinned: bool,
 }
 
-impl Screen<'_> {
+impl Screen {
     /// Lights the nearest surface from its normals, numbers and depths; stores the normals used.
     pub(crate) fn light(&self, planes: &mut Planes, mut depth: DepthImage) {
         if self.is_thinned && self.shading.smooth {
@@ -112,7 +113,7 @@ impl Screen<'_> {
 
     /// The visible point of a pixel at a depth, world coordinates relative to the eye.
     fn point(&self, column: usize, row: usize, depth: f64) -> DVec3 {
-        let View { right, up, forward, perspective, .. } = *self.view;
+        let View { right, up, forward, perspective, .. } = self.view;
         let (px, py) = self.view.ray(column, row);
         let spread = if perspective { depth } else { 1.0 };
         spread * px * right + spread * py * up + depth * forward
@@ -120,13 +121,13 @@ impl Screen<'_> {
 
     /// World length of a pixel at a depth.
     fn pixel_length(&self, depth: f64) -> f64 {
-        let View { half_height, height_px, perspective, .. } = *self.view;
+        let View { half_height, height_px, perspective, .. } = self.view;
         2.0 * half_height / height_px as f64 * if perspective { depth.abs() } else { 1.0 }
     }
 
     /// Unit vector towards the eye from the visible point of a pixel.
     fn to_eye(&self, column: usize, row: usize) -> DVec3 {
-        let View { right, up, forward, perspective, .. } = *self.view;
+        let View { right, up, forward, perspective, .. } = self.view;
         let (px, py) = self.view.ray(column, row);
         -(if perspective { px * right + py * up + forward } else { forward }).normalize()
     }

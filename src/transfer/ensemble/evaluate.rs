@@ -4,7 +4,6 @@ use super::{Counts2d, Ensemble, Function, Member, Reduction, Space};
 use crate::slowdown::{Slow, waste};
 use crate::transfer::TransferError;
 use crate::transfer::curve::{Curve, check_span};
-use crate::transfer::function::PositionKind;
 use crate::transfer::opacity::OpacityKind;
 use crate::transfer::pieces::ColorWeighting;
 use crate::transfer::pieces::{MOST_POINTS, Piece, Pieces, VALUE};
@@ -102,13 +101,7 @@ impl<'a> Resolved<'a> {
         let axis = self.axis();
         let mut knots: Vec<f64> = self.member.map.points().iter().map(|p| axis.scalar_at(p[1])).collect();
         match &self.member.function {
-            Function::TransferFunction(tf) => {
-                knots.extend(tf.color_map().points().iter().map(|p| axis.scalar_at(p.position)));
-                knots.extend(tf.points().iter().map(|p| match tf.positions() {
-                    PositionKind::Relative => axis.scalar_at(p.position),
-                    PositionKind::Absolute => p.position,
-                }));
-            }
+            Function::TransferFunction(tf) => knots.extend(axis.knots(tf).map(|knot| knot.scalar)),
             Function::Widgets(widgets) => {
                 knots.extend(line_of(widgets, None, kind).knots().map(|position| axis.scalar_at(position)));
             }
@@ -141,8 +134,8 @@ impl<'a> Resolved<'a> {
         let Member { space, function, .. } = self.member;
         let line = line.filter(|_| self.member.reduction == Reduction::Keep);
         let of_widgets = |widgets: &[Widget], y: Option<f64>| {
-            let line = line_of(widgets, y, precision.kind);
-            Ok(self.axis().curve_between(line.knots(), |x| line.sides(x), precision))
+            let (axis, line) = (self.axis(), line_of(widgets, y, precision.kind));
+            Ok(axis.curve(line.knots().map(|x| axis.knot(x)), |x| line.sides(x), precision))
         };
         let counts = match (space, function, line) {
             (Space::Scalar, Function::TransferFunction(tf), _) => {
@@ -182,10 +175,9 @@ impl Evaluator<'_> {
         (side.rgb, side.value)
     }
 
-    fn eval_side(&self, sample: &Sample) -> Side {
-        let transparent = Side { rgb: [0.0; 3], value: 0.0 };
+    pub(in crate::transfer) fn eval_side(&self, sample: &Sample) -> Side {
         if sample.scalar.is_nan() {
-            return transparent;
+            return Side::TRANSPARENT;
         }
         let known = |position: f64| if position.is_nan() { 0.0 } else { position };
         let sample = &Sample { scalar: sample.scalar, gradient: known(sample.gradient), cov: known(sample.cov) };
@@ -198,7 +190,7 @@ impl Evaluator<'_> {
                 Some(before) => resolved.member.blend.sides(&before, &weighed, self.colors, self.kind),
             });
         }
-        result.unwrap_or(transparent)
+        result.unwrap_or(Side::TRANSPARENT)
     }
 
     /// The scalars at which members that are functions of the scalar may have a step or a kink.

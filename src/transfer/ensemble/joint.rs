@@ -54,9 +54,9 @@ pub fn joint_table(
         gradients.iter().flat_map(|&gradient| covs.iter().map(move |&cov| Line { gradient, cov })).collect();
     let table = |line: &Line| curve_on(line)?.line_of_joint_table(&context.lengths);
     let tables: Vec<NodeTable> = lines.par_iter().map(table).collect::<Result<_, _>>()?;
-    let scalars = Columns::of(&tables, MOST_VALUES / tables.len());
-    let values = tables.iter().flat_map(|table| scalars.0.iter().flat_map(|column| column.values(table))).collect();
-    let axis = scalars.0.iter().flat_map(Column::scalars).collect();
+    let columns = columns_of(&tables, MOST_VALUES / tables.len());
+    let values = tables.iter().flat_map(|table| columns.iter().flat_map(|column| column.values(table))).collect();
+    let axis = columns.iter().flat_map(Column::scalars).collect();
     Ok(JointTable::new(axis, rows, layers, values)?)
 }
 
@@ -68,9 +68,6 @@ struct Column {
     is_step: bool,
 }
 
-/// The scalars of a joint table.
-struct Columns(Vec<Column>);
-
 /// A node of a table.
 #[derive(Clone, Copy, Debug)]
 struct Knot {
@@ -80,35 +77,25 @@ struct Knot {
     is_step: bool,
 }
 
-impl Columns {
-    /// The scalars of the nodes of all tables, at most `most` of them, two at a step.
-    ///
-    /// With too many, runs of equally many neighbours become one step each, so that columns are dense where nodes are.
-    fn of(tables: &[NodeTable], most: usize) -> Self {
-        let mut nodes: Vec<Knot> = tables.iter().flat_map(knots).collect();
-        nodes.sort_by(|a, b| a.scalar.total_cmp(&b.scalar));
-        let each: Vec<&[Knot]> = nodes.chunk_by(|a, b| a.scalar == b.scalar).collect();
-        let columns: Vec<Column> = each.iter().map(|knot| Column::of(std::slice::from_ref(knot))).collect();
-        if columns.iter().map(|column| column.scalars().count()).sum::<usize>() <= most {
-            return Self(columns);
-        }
-        let run = each.len().div_ceil((most / 2).max(1));
-        Self(each.chunks(run).map(Column::of).collect())
+/// The scalars of a joint table: those of the nodes of all tables, at most `most` of them, two at a step.
+///
+/// With too many, runs of equally many neighbours become one step each, so that columns are dense where nodes are.
+fn columns_of(tables: &[NodeTable], most: usize) -> Vec<Column> {
+    let mut nodes: Vec<Knot> = tables.iter().flat_map(knots).collect();
+    nodes.sort_by(|a, b| a.scalar.total_cmp(&b.scalar));
+    let each: Vec<&[Knot]> = nodes.chunk_by(|a, b| a.scalar == b.scalar).collect();
+    let columns: Vec<Column> = each.iter().map(|knot| Column::of(std::slice::from_ref(knot))).collect();
+    if columns.iter().map(|column| column.scalars().count()).sum::<usize>() <= most {
+        return columns;
     }
+    let run = each.len().div_ceil((most / 2).max(1));
+    each.chunks(run).map(Column::of).collect()
 }
 
 fn knots(table: &NodeTable) -> impl Iterator<Item = Knot> {
-    let is_step = |at: usize| {
-        let at_the_same = |a: &Node, b: &Node| a.scalar == b.scalar && differ([*a, *b]);
-        match table.nodes().get(at..at + 2) {
-            Some([a, b]) => at_the_same(a, b),
-            _ => false,
-        }
-    };
-    table.nodes().iter().enumerate().map(move |(i, node)| Knot {
-        scalar: node.scalar,
-        tau: node.tau,
-        is_step: is_step(i),
+    table.nodes().iter().enumerate().map(move |(i, node)| {
+        let is_step = table.nodes().get(i + 1).is_some_and(|next| next.scalar == node.scalar && next != node);
+        Knot { scalar: node.scalar, tau: node.tau, is_step }
     })
 }
 
@@ -146,8 +133,7 @@ impl Column {
             // An extinction beyond f32 is opaque at any length.
             [r, g, b, (n.tau as f32).min(f32::MAX)]
         };
-        let first = if self.is_step { Some(value(left)) } else { None };
-        first.into_iter().chain([value(right)])
+        self.is_step.then(|| value(left)).into_iter().chain([value(right)])
     }
 }
 
@@ -159,10 +145,6 @@ fn sides(table: &NodeTable, scalar: f64) -> [Node; 2] {
         Some(left) if left.scalar == scalar => [*left, right],
         _ => [right; 2],
     }
-}
-
-fn differ([left, right]: [Node; 2]) -> bool {
-    (left.rgb, left.tau) != (right.rgb, right.tau)
 }
 
 #[cfg(test)]

@@ -228,18 +228,18 @@ fn too_many_scalars_become_steps_near_to_where_they_were() {
     let node = |scalar: f64, tau: f64| Node { scalar, rgb: [0.5; 3], tau };
     let saw: Vec<Node> = (0..1000).map(|i| node(f64::from(i), f64::from(i % 2))).collect();
     let table = NodeTable::new(saw).unwrap();
-    let columns = Columns::of(std::slice::from_ref(&table), 40);
-    let scalars: Vec<f64> = columns.0.iter().flat_map(Column::scalars).collect();
+    let columns = columns_of(std::slice::from_ref(&table), 40);
+    let scalars: Vec<f64> = columns.iter().flat_map(Column::scalars).collect();
     assert!(scalars.len() <= 40 && scalars.len() > 30, "{}", scalars.len());
     assert!(scalars.windows(3).all(|w| w[0] < w[2]), "at most two at a place");
     // Of each run of teeth the left side is that of the first one's foot, and the right side a tip.
-    let values: Vec<f32> = columns.0.iter().flat_map(|c| c.values(&table)).map(|v| v[3]).collect();
+    let values: Vec<f32> = columns.iter().flat_map(|c| c.values(&table)).map(|v| v[3]).collect();
     assert_eq!(values, [0.0, 1.0].repeat(20));
     let step = NodeTable::new(vec![node(0.0, 1.0), node(5.0, 1.0), node(5.0, 2.0), node(9.0, 3.0)]).unwrap();
-    let columns = Columns::of(std::slice::from_ref(&step), 100);
-    let values: Vec<f32> = columns.0.iter().flat_map(|c| c.values(&step)).map(|v| v[3]).collect();
+    let columns = columns_of(std::slice::from_ref(&step), 100);
+    let values: Vec<f32> = columns.iter().flat_map(|c| c.values(&step)).map(|v| v[3]).collect();
     assert_eq!(values, [1.0, 1.0, 2.0, 3.0]);
-    assert_eq!(columns.0.iter().flat_map(Column::scalars).collect::<Vec<_>>(), [0.0, 5.0, 5.0, 9.0]);
+    assert_eq!(columns.iter().flat_map(Column::scalars).collect::<Vec<_>>(), [0.0, 5.0, 5.0, 9.0]);
 }
 
 /// A shell narrower than a run of scalars is kept, wherever it lies in its run and in whichever table.
@@ -252,9 +252,9 @@ fn nothing_that_is_seen_is_lost_where_scalars_become_one() {
         let mut shell = points.map(|(scalar, tau)| node(f64::from(scalar), tau)).to_vec();
         shell.dedup_by(|next, kept| next.scalar == kept.scalar);
         let tables = [transparent.clone(), shell].map(|nodes| NodeTable::new(nodes).unwrap());
-        let columns = Columns::of(&tables, 20);
+        let columns = columns_of(&tables, 20);
         let [none, seen] = tables.each_ref().map(|table| {
-            let nodes = columns.0.iter().flat_map(|column| std::iter::zip(column.scalars(), column.values(table)));
+            let nodes = columns.iter().flat_map(|column| std::iter::zip(column.scalars(), column.values(table)));
             nodes.filter(|(_, value)| value[3] > 0.0).collect::<Vec<_>>()
         });
         assert!(none.is_empty());

@@ -48,9 +48,6 @@ pub enum Part {
 /// Least distance between two edges of a widget after editing: far below a pixel of any screen.
 pub(super) const GAP: f64 = 1.0 / 1_048_576.0;
 
-/// Value of a widget outside of its shape.
-const TRANSPARENT: Side = Side { rgb: [0.0; 3], value: 0.0 };
-
 impl Widget {
     /// Colour and opacity at a position (x, y), on two axes.
     pub fn eval(&self, x: f64, y: f64) -> ([f64; 3], f64) {
@@ -69,9 +66,9 @@ impl Widget {
         match self {
             Self::Rectangle(r) if y.is_none_or(|y| covers(r.y, y)) => r.side(x),
             Self::Polyline(p) => p.side(x),
-            Self::Triangle(t) => y.map_or(TRANSPARENT, |y| t.side(x, y, false)),
-            Self::TriangleWithFallOff(t) => y.map_or(TRANSPARENT, |y| t.side(x, y, true)),
-            Self::Rectangle(_) => TRANSPARENT,
+            Self::Triangle(t) => y.map_or(Side::TRANSPARENT, |y| t.side(x, y, false)),
+            Self::TriangleWithFallOff(t) => y.map_or(Side::TRANSPARENT, |y| t.side(x, y, true)),
+            Self::Rectangle(_) => Side::TRANSPARENT,
         }
     }
 
@@ -207,7 +204,7 @@ impl Widget {
 /// So the opacity is never above one that was drawn; to add shapes up, put them into two members.
 pub(super) fn topmost(widgets: &[Widget], x: f64, y: Option<f64>) -> Side {
     let over = |below: Side, side: Side| if side.value >= below.value { side } else { below };
-    widgets.iter().map(|w| w.side(x, y)).fold(TRANSPARENT, over)
+    widgets.iter().map(|w| w.side(x, y)).fold(Side::TRANSPARENT, over)
 }
 
 /// The exact curve of several widgets over the first axis, at a position of the second if there is one; [`topmost`] is its formula.

@@ -1,6 +1,6 @@
 //! Points with colour and opacity.
 
-use super::{GAP, TRANSPARENT, is_color};
+use super::{GAP, is_color};
 use crate::transfer::profile::{ProfilePoint, Side};
 use serde::{Deserialize, Serialize};
 
@@ -48,7 +48,7 @@ impl Polyline {
         match (after.checked_sub(1).and_then(|i| self.points.get(i)), self.points.get(after)) {
             (Some(a), Some(b)) => Side::mix(&a.side(), &b.side(), (x - a.position) / (b.position - a.position)),
             (Some(last), None) if last.position == 1.0 && x == 1.0 => last.side(),
-            _ => TRANSPARENT,
+            _ => Side::TRANSPARENT,
         }
     }
 
@@ -56,10 +56,10 @@ impl Polyline {
         let point = |p: &PolylinePoint| ProfilePoint { scalar: p.position, left: p.side(), right: p.side() };
         let mut points: Vec<ProfilePoint> = self.points.iter().map(point).collect();
         if let Some(first) = points.first_mut() {
-            first.left = TRANSPARENT;
+            first.left = Side::TRANSPARENT;
         }
         if let Some(last) = points.last_mut() {
-            last.right = TRANSPARENT;
+            last.right = Side::TRANSPARENT;
         }
         points
     }

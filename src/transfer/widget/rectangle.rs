@@ -1,6 +1,6 @@
 //! A rectangle with one colour and a ramp of opacity.
 
-use super::{GAP, TRANSPARENT, covers, is_color};
+use super::{GAP, covers, is_color};
 use crate::transfer::color_map::lerp;
 use crate::transfer::profile::{ProfilePoint, Side};
 use serde::{Deserialize, Serialize};
@@ -37,7 +37,7 @@ impl Rectangle {
 
     pub(super) fn side(&self, x: f64) -> Side {
         if !covers(self.x, x) {
-            return TRANSPARENT;
+            return Side::TRANSPARENT;
         }
         let [x0, x1] = self.x;
         Side { rgb: self.rgb, value: lerp(self.opacity[0], self.opacity[1], (x - x0) / (x1 - x0)) }
@@ -46,8 +46,8 @@ impl Rectangle {
     pub(super) fn line(&self) -> Vec<ProfilePoint> {
         let [start, end] = self.opacity.map(|value| Side { rgb: self.rgb, value });
         vec![
-            ProfilePoint { scalar: self.x[0], left: TRANSPARENT, right: start },
-            ProfilePoint { scalar: self.x[1], left: end, right: TRANSPARENT },
+            ProfilePoint { scalar: self.x[0], left: Side::TRANSPARENT, right: start },
+            ProfilePoint { scalar: self.x[1], left: end, right: Side::TRANSPARENT },
         ]
     }
 

@@ -1,6 +1,6 @@
 //! A triangle that stands on its corner.
 
-use super::{GAP, TRANSPARENT, is_color};
+use super::{GAP, is_color};
 use crate::transfer::color_map::lerp;
 use crate::transfer::profile::{ProfilePoint, Side};
 use serde::{Deserialize, Serialize};
@@ -61,16 +61,16 @@ impl Triangle {
         let side = |value: f64| Side { rgb: self.rgb, value };
         let (edge, top) = (side(if falls_off { 0.0 } else { self.opacity }), side(self.opacity));
         let middle = 0.5 * (left + right);
-        let mut points = vec![ProfilePoint { scalar: left, left: TRANSPARENT, right: edge }];
+        let mut points = vec![ProfilePoint { scalar: left, left: Side::TRANSPARENT, right: edge }];
         if falls_off && left < middle && middle < right {
             points.push(ProfilePoint { scalar: middle, left: top, right: top });
         }
-        points.push(ProfilePoint { scalar: right, left: edge, right: TRANSPARENT });
+        points.push(ProfilePoint { scalar: right, left: edge, right: Side::TRANSPARENT });
         points
     }
 
     pub(super) fn side(&self, x: f64, y: f64, falls_off: bool) -> Side {
-        let Some(place) = self.place(x, y) else { return TRANSPARENT };
+        let Some(place) = self.place(x, y) else { return Side::TRANSPARENT };
         let share = if falls_off { (1.0 - place.abs()).max(0.0) } else { 1.0 };
         Side { rgb: self.rgb, value: self.opacity * share }
     }
