@@ -30,14 +30,6 @@ pub struct Hover {
     pub found: Result<Option<Probe>, String>,
 }
 
-/// A point of the mesh.
-#[derive(Clone, Debug)]
-struct Pick {
-    series: Arc<Series>,
-    cell: u32,
-    weights: [f64; 4],
-}
-
 /// The scalar of a point at every step of a series, as far as read.
 #[derive(Clone)]
 pub struct Curve {
@@ -73,7 +65,8 @@ const SHOWN_EVERY: Duration = Duration::from_millis(50);
 pub struct Prober {
     hovers: Worker<HoverRequest>,
     hover: Arc<Slot<Hover>>,
-    picks: Worker<Pick>,
+    /// Jobs are curves without values.
+    picks: Worker<Curve>,
     curve: Arc<Slot<Arc<Curve>>>,
 }
 
@@ -84,42 +77,20 @@ impl Prober {
     /// If the system gives no thread.
     pub fn start(wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
         let (hover, curve) = (Arc::<Slot<Hover>>::default(), Arc::<Slot<Arc<Curve>>>::default());
-        let answer = {
-            let (hover, wake) = (hover.clone(), wake.clone());
-            move |asked, found, cancel: &Cancel| {
-                hover.put(Hover { asked, found }, cancel);
-                wake();
-            }
+        let find = |finder: &mut Finder, asked: HoverRequest, cancel: &Cancel, answer: &dyn Fn(Hover)| match finder
+            .find(&asked, cancel)
+        {
+            Err(PipelineError::Cancelled) => (),
+            found => answer(Hover { asked, found: found.map_err(|error| error.to_string()) }),
         };
-        let hovers = {
-            let failed = answer.clone();
-            let begin = move || {
-                let (answer, mut finder) = (answer.clone(), Finder::default());
-                move |asked: HoverRequest, cancel: &Cancel| match finder.find(&asked, cancel) {
-                    Err(PipelineError::Cancelled) => (),
-                    found => answer(asked, found.map_err(|error| error.to_string()), cancel),
-                }
-            };
-            Worker::start("probe", begin, move |asked, cancel, text| failed(asked, Err(text), cancel))?
-        };
-        let show = {
-            let curve = curve.clone();
-            move |shown: Curve, cancel: &Cancel| {
-                curve.put(Arc::new(shown), cancel);
-                wake();
-            }
-        };
-        let picks = {
-            let (failed, curve) = (show.clone(), curve.clone());
-            let begin = move || {
-                let show = show.clone();
-                move |pick: Pick, cancel: &Cancel| Curve::of(&pick).follow(cancel, &mut |curve| show(curve, cancel))
-            };
-            Worker::start("curve", begin, move |pick, cancel, text| {
-                let known = curve.get().map_or_else(|| Curve::of(&pick), |known| (*known).clone());
-                failed(Curve { problem: Some(text), is_over: true, ..known }, cancel);
-            })?
-        };
+        let failed = |asked, text| Hover { asked, found: Err(text) };
+        let hovers = Worker::start("probe", hover.filler(wake.clone()), find, failed)?;
+        let follow = |(): &mut (), curve: Curve, cancel: &Cancel, show: &dyn Fn(Arc<Curve>)| curve.follow(cancel, show);
+        let known = curve.clone();
+        let picks = Worker::start("curve", curve.filler(wake), follow, move |empty, text| {
+            let known = known.get().map_or(empty, Arc::unwrap_or_clone);
+            Arc::new(Curve { problem: Some(text), is_over: true, ..known })
+        })?;
         Ok(Self { hovers, hover, picks, curve })
     }
 
@@ -144,7 +115,8 @@ impl Prober {
     /// weights of its vertices, as in a [`Probe`].
     pub fn pick(&self, series: Arc<Series>, cell: u32, weights: [f64; 4]) {
         self.forget_pick();
-        self.picks.give(Pick { series, cell, weights });
+        let values = vec![f32::NAN; series.times().len()];
+        self.picks.give(Curve { series, cell, weights, values, done: 0, failed: 0, problem: None, is_over: false });
     }
 
     /// Drops the curve.
@@ -181,24 +153,17 @@ impl Finder {
 }
 
 impl Curve {
-    /// A curve without values.
-    fn of(pick: &Pick) -> Self {
-        let Pick { series, cell, weights } = pick.clone();
-        let values = vec![f32::NAN; series.times().len()];
-        Self { series, cell, weights, values, done: 0, failed: 0, problem: None, is_over: false }
-    }
-
     /// Reads the point's value step by step, and calls `show` with snapshots.
-    fn follow(mut self, cancel: &Cancel, show: &mut dyn FnMut(Self)) {
+    fn follow(mut self, cancel: &Cancel, show: &dyn Fn(Arc<Self>)) {
         let series = self.series.apart(BLOCK_BYTES);
         let Some(&tet) = series.mesh().topology.tets.get(self.cell as usize) else {
             self.problem = Some(format!("there is no cell {}", self.cell));
             self.is_over = true;
-            return show(self);
+            return show(Arc::new(self));
         };
         let mut scalars = vec![0.0; series.vertices()];
         let mut shown = Instant::now();
-        show(self.clone());
+        show(Arc::new(self.clone()));
         while self.done < self.values.len() {
             match series.decode_step(self.done, &mut scalars, cancel) {
                 Ok(true) => {
@@ -213,12 +178,12 @@ impl Curve {
             }
             self.done += 1;
             if shown.elapsed() >= SHOWN_EVERY && self.done < self.values.len() {
-                show(self.clone());
+                show(Arc::new(self.clone()));
                 shown = Instant::now();
             }
         }
         self.is_over = true;
-        show(self);
+        show(Arc::new(self));
     }
 }
 

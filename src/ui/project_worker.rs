@@ -121,12 +121,12 @@ impl ProjectWorker {
         let shared = Arc::new(Shared::default());
         let put = {
             let shared = shared.clone();
-            move |job, made, cancel: &Cancel| {
+            move |made, cancel: &Cancel| {
                 let mut shelf = shared.lock();
                 if cancel.is_cancelled() {
                     return;
                 }
-                shelf.made.push((job, made));
+                shelf.made.push(made);
                 let is_awaited = shelf.is_awaited;
                 drop(shelf);
                 shared.filled.notify_all();
@@ -135,15 +135,11 @@ impl ProjectWorker {
                 }
             }
         };
-        let failed = put.clone();
-        let begin = move || {
-            let (put, mut animation) = (put.clone(), None);
-            move |job: Job, cancel: &Cancel| {
-                let made = work_out(&mut animation, &job, cancel);
-                put(job, made, cancel);
-            }
+        let work = |last: &mut _, job: Job, cancel: &Cancel, put: &dyn Fn((Job, Made))| {
+            let made = work_out(last, &job, cancel);
+            put((job, made));
         };
-        let worker = Worker::start("project", begin, move |job, cancel, text| failed(job, Err(text), cancel))?;
+        let worker = Worker::start("project", put, work, |job, text| (job, Err(text)))?;
         Ok(Self { project, worker, shared, subject: None, kept: VecDeque::new(), wanted: None })
     }
 

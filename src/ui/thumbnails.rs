@@ -39,9 +39,12 @@ struct Kept {
 }
 
 /// A thumbnail, or why there is none.
+type Outcome = Result<Arc<Picture>, String>;
+
+/// What was made of a job.
 struct Made {
     time: FrameTime,
-    picture: Result<Arc<Picture>, String>,
+    picture: Outcome,
     /// Time of the last use, counted in uses.
     used: u64,
 }
@@ -62,23 +65,18 @@ impl Thumbnails {
     /// As [`Self::start`].
     pub fn with_width(width_px: usize, wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
         let kept: Arc<Mutex<Kept>> = Arc::default();
-        let put = {
-            let kept = kept.clone();
-            move |time, picture, cancel: &Cancel| {
-                lock(&kept).put(time, picture, cancel);
-                wake();
-            }
+        let of_thread = kept.clone();
+        let put = move |(time, picture), cancel: &Cancel| {
+            lock(&of_thread).put(time, picture, cancel);
+            wake();
         };
-        let failed = put.clone();
-        let begin = move || {
-            let (put, mut pipeline) = (put.clone(), None);
-            move |job: Job, cancel: &Cancel| match render(&mut pipeline, &job, cancel) {
-                Err(PipelineError::Cancelled) => (),
-                made => put(job.request.time, made.map(Arc::new).map_err(|e| e.to_string()), cancel),
-            }
+        let work = |last: &mut _, job: Job, cancel: &Cancel, put: &dyn Fn((FrameTime, Outcome))| match render(
+            last, &job, cancel,
+        ) {
+            Err(PipelineError::Cancelled) => (),
+            made => put((job.request.time, made.map(Arc::new).map_err(|e| e.to_string()))),
         };
-        let worker =
-            Worker::start("thumbnails", begin, move |job, cancel, text| failed(job.request.time, Err(text), cancel))?;
+        let worker = Worker::start("thumbnails", put, work, |job, text| (job.request.time, Err(text)))?;
         Ok(Self { width_px, worker, kept })
     }
 
@@ -144,7 +142,7 @@ impl Job {
 }
 
 impl Kept {
-    fn find(&mut self, time: FrameTime) -> Option<Result<Arc<Picture>, String>> {
+    fn find(&mut self, time: FrameTime) -> Option<Outcome> {
         self.uses += 1;
         let made = self.pictures.iter_mut().find(|made| made.time == time)?;
         made.used = self.uses;
@@ -152,7 +150,7 @@ impl Kept {
     }
 
     /// Keeps a thumbnail, unless it was cancelled, which happens under the same lock.
-    fn put(&mut self, time: FrameTime, picture: Result<Arc<Picture>, String>, cancel: &Cancel) {
+    fn put(&mut self, time: FrameTime, picture: Outcome, cancel: &Cancel) {
         if cancel.is_cancelled() {
             return;
         }

@@ -29,12 +29,13 @@ struct State<J> {
 }
 
 impl<J: Clone + Send + 'static> Worker<J> {
-    /// Starts the thread. `begin` makes the function that does jobs, and again after a panic, which is a fault of this program: `failed` is
-    /// then called with its message.
-    pub(super) fn start<W: FnMut(J, &Cancel)>(
+    /// Starts the thread. `work` does a job and hands its results over, which `put` is called with. What it keeps from job to job is in
+    /// `S`, and begins afresh after a panic, which is a fault of this program: `failed` then makes the result, from its message.
+    pub(super) fn start<S: Default + 'static, R: 'static>(
         name: &str,
-        begin: impl Fn() -> W + Send + 'static,
-        failed: impl Fn(J, &Cancel, String) + Send + 'static,
+        put: impl Fn(R, &Cancel) + Send + 'static,
+        work: impl Fn(&mut S, J, &Cancel, &dyn Fn(R)) + Send + 'static,
+        failed: impl Fn(J, String) -> R + Send + 'static,
     ) -> io::Result<Self> {
         let name = name.to_owned();
         let pool = ThreadPoolBuilder::new().num_threads(1).thread_name(move |_| name.clone()).build();
@@ -43,13 +44,14 @@ impl<J: Clone + Send + 'static> Worker<J> {
         let shared = Arc::new(Shared { state, changed: Condvar::new() });
         let of_thread = shared.clone();
         pool.spawn(move || {
-            let mut work = begin();
+            let mut kept = S::default();
             while let Some((job, cancel)) = of_thread.next() {
                 let copy = job.clone();
-                if let Err(panic) = catch_unwind(AssertUnwindSafe(|| work(job, &cancel))) {
-                    work = begin();
+                let put = |result| put(result, &cancel);
+                if let Err(panic) = catch_unwind(AssertUnwindSafe(|| work(&mut kept, job, &cancel, &put))) {
+                    kept = S::default();
                     let said = panic_message(&*panic);
-                    failed(copy, &cancel, format!("tetreel failed at this: {said}; please report this"));
+                    put(failed(copy, format!("tetreel failed at this: {said}; please report this")));
                 }
             }
         });
@@ -133,6 +135,17 @@ impl<T> Slot<T> {
     }
 }
 
+impl<T: 'static> Slot<T> {
+    /// Stores results as [`Self::put`] does, and calls `wake` after each.
+    pub(super) fn filler(self: &Arc<Self>, wake: Arc<dyn Fn() + Send + Sync>) -> impl Fn(T, &Cancel) + use<T> {
+        let slot = self.clone();
+        move |value, cancel| {
+            slot.put(value, cancel);
+            wake();
+        }
+    }
+}
+
 impl<T: Clone> Slot<T> {
     pub(super) fn get(&self) -> Option<T> {
         self.lock().clone()
@@ -170,22 +183,19 @@ pub(super) mod tests {
 
     type Sum = Arc<Slot<Result<u32, String>>>;
 
-    /// Adds up jobs and panics at 13. The weak reference dies with its thread's state.
+    /// Adds up jobs and panics at 13. The weak reference dies with its thread.
     fn adder() -> (Worker<u32>, Sum, std::sync::Weak<()>) {
         let slot = Arc::new(Slot::default());
-        let (results, failures, alive) = (slot.clone(), slot.clone(), Arc::new(()));
+        let alive = Arc::new(());
         let gone = Arc::downgrade(&alive);
-        let begin = move || {
-            let (results, _alive, mut sum) = (results.clone(), alive.clone(), 0);
-            move |job: u32, cancel: &Cancel| {
-                let _held = &_alive;
-                assert_ne!(job, 13, "an unlucky number");
-                sum += job;
-                results.put(Ok(sum), cancel);
-            }
+        let work = move |sum: &mut u32, job: u32, _: &Cancel, put: &dyn Fn(Result<u32, String>)| {
+            let _held = &alive;
+            assert_ne!(job, 13, "an unlucky number");
+            *sum += job;
+            put(Ok(*sum));
         };
-        let failed = move |job: u32, cancel: &Cancel, text| failures.put(Err(format!("{job}: {text}")), cancel);
-        (Worker::start("adder", begin, failed).unwrap(), slot, gone)
+        let failed = |job: u32, text| Err(format!("{job}: {text}"));
+        (Worker::start("adder", slot.filler(Arc::new(|| ())), work, failed).unwrap(), slot, gone)
     }
 
     #[test]
@@ -214,17 +224,14 @@ pub(super) mod tests {
     fn a_job_that_waits_is_replaced_and_one_at_hand_is_cancelled_by_stop_alone() {
         let seen = Arc::new(Mutex::new(Vec::new()));
         let log = seen.clone();
-        let begin = move || {
-            let log = log.clone();
-            move |job: u32, cancel: &Cancel| {
-                log.lock().unwrap().push((job, false));
-                while job == 0 && !cancel.is_cancelled() {
-                    std::thread::yield_now();
-                }
-                log.lock().unwrap().push((job, true));
+        let work = move |(): &mut (), job: u32, cancel: &Cancel, _: &dyn Fn(())| {
+            log.lock().unwrap().push((job, false));
+            while job == 0 && !cancel.is_cancelled() {
+                std::thread::yield_now();
             }
+            log.lock().unwrap().push((job, true));
         };
-        let worker = Worker::start("waiter", begin, |_, _, text| panic!("{text}")).unwrap();
+        let worker = Worker::start("waiter", |(), _| (), work, |_, text| panic!("{text}")).unwrap();
         worker.give(0);
         wait_for("begin", || (!seen.lock().unwrap().is_empty()).then_some(()));
         (1..=5).for_each(|job| worker.give(job));
