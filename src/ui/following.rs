@@ -3,10 +3,9 @@
 //! A thread checks the metadata of the store's root every second, and only if the file has changed calls [`Store::refreshed`] (which opens
 //! the new store); every tenth time it does so in any case, for file systems with coarse times. A grown series is opened again and kept
 //! until taken.
-//! [`Store::refreshed`] (which opens the new store); every tenth time it does so in any case, for file systems with coarse
-//! times. What has grown is opened again and waits to be taken.
 
 use super::opening::Wake;
+use super::worker::lock;
 use crate::error::FileResult;
 use crate::field::FieldSelector;
 use crate::pipeline::Series;
@@ -15,7 +14,7 @@ use crate::task::{Cancel, panic_message};
 use crossbeam::channel::{Receiver, RecvTimeoutError, Sender, unbounded};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, SystemTime};
 
 /// Interval between checks of a store.
@@ -48,12 +47,6 @@ struct State {
 struct Shared {
     state: Mutex<State>,
     wake: Wake,
-}
-
-impl Shared {
-    fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
 }
 
 /// Follows a store until it is dropped.
@@ -93,7 +86,7 @@ impl Follower {
 
     /// Switches to another field of the store: results are handed over for it from now on.
     pub fn set_field(&self, series: Arc<Series>) {
-        let mut state = self.shared.state();
+        let mut state = lock(&self.shared.state);
         state.series = series;
         state.generation += 1;
         state.found = None;
@@ -104,7 +97,7 @@ impl Follower {
 
     /// New steps, or why there can be none: each once. The store and its series replace those that were given before.
     pub fn take(&self) -> Option<Result<Grown, String>> {
-        let mut state = self.shared.state();
+        let mut state = lock(&self.shared.state);
         if !state.problems.is_empty() {
             return Some(Err(state.problems.remove(0)));
         }
@@ -116,7 +109,7 @@ impl Follower {
 }
 
 fn complain(shared: &Shared, problem: String) {
-    shared.state().problems.push(problem);
+    lock(&shared.state).problems.push(problem);
     (shared.wake)();
 }
 
@@ -147,7 +140,7 @@ fn follow(mut watch: Watch, shared: &Shared, commands: &Receiver<()>, pause: Dur
 /// Reopens the field, unless the owner has all steps or a result with them waits to be taken.
 fn hand_over(store: &Arc<Store>, shared: &Shared) -> FileResult<()> {
     let (series, generation) = {
-        let state = shared.state();
+        let state = lock(&shared.state);
         let has = |held: &Arc<Store>, series: &Series| {
             Arc::ptr_eq(held, store) && series.times().len() >= store.times().len()
         };
@@ -162,7 +155,7 @@ fn hand_over(store: &Arc<Store>, shared: &Shared) -> FileResult<()> {
     let series = Arc::new(series.reopened(store, Some(&field))?);
     // The window asks for percentiles, for which steps are decoded: here, not on its thread. It reports steps that cannot be read.
     let _ = series.distribution(&Cancel::new());
-    let mut state = shared.state();
+    let mut state = lock(&shared.state);
     // Otherwise a pending message requests the other field.
     if state.generation == generation {
         state.found = Some(Grown { store: store.clone(), series });

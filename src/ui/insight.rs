@@ -3,7 +3,7 @@
 use super::picture::Picture;
 use super::probe::{Curve, Hover, HoverRequest, Prober};
 use super::survey::{Survey, Surveyed};
-use super::thumbnails::Thumbnails;
+use super::thumbnails::{Thumbnails, WIDTH_PX};
 use crate::pipeline::{FrameRequest, Series};
 use crate::render::probe::Probe;
 use glam::DVec3;
@@ -58,7 +58,7 @@ impl Insight {
         Ok(Self {
             survey: Survey::start(series, wake.clone())?,
             prober: Prober::start(wake.clone())?,
-            thumbnails: Thumbnails::start(wake.clone())?,
+            thumbnails: Thumbnails::start(WIDTH_PX, wake.clone())?,
             wake,
             mouse: None,
             hover: None,
@@ -180,7 +180,7 @@ impl Insight {
         background: [f32; 3],
     ) -> Option<Arc<Picture>> {
         self.thumbnails.want(series, request, background);
-        self.thumbnails.get(request)
+        self.thumbnails.get(request)?.ok()
     }
 
     /// Drops pending thumbnails.

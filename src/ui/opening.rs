@@ -1,5 +1,6 @@
 //! Opening a store, or importing a source to the cache first, on a thread of its own.
 
+use super::worker::lock;
 use crate::codec::BlockCache;
 use crate::error::FileError;
 use crate::field::FieldSelector;
@@ -9,7 +10,7 @@ use crate::store::Store;
 use crate::task::{Cancel, Progress, panic_message};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -156,17 +157,17 @@ impl Opening {
 
     /// Progress so far.
     pub fn progress(&self) -> OpeningProgress {
-        self.shared.state().now.clone()
+        lock(&self.shared.state).now.clone()
     }
 
     /// The result, once; `None` before and after.
     pub fn take(&self) -> Option<OpeningEnd> {
-        self.shared.state().end.take()
+        lock(&self.shared.state).end.take()
     }
 
     /// Whether opening has ended.
     pub fn is_over(&self) -> bool {
-        self.shared.state().is_over
+        lock(&self.shared.state).is_over
     }
 
     /// Requests a cancel: opening soon ends with [`OpeningEnd::Cancelled`], or with success if it was about to end.
@@ -191,13 +192,9 @@ impl Drop for Opening {
 }
 
 impl Shared {
-    fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Changes the progress, and wakes the window if the last wake-up was long ago or this is `urgent`.
     fn change(&self, urgent: bool, change: impl FnOnce(&mut State)) {
-        let mut state = self.state();
+        let mut state = lock(&self.state);
         change(&mut state);
         let is_due = urgent || state.woken.is_none_or(|woken| woken.elapsed() >= WAKE_PAUSE);
         if is_due {

@@ -112,7 +112,7 @@ fn cancelling_in_the_middle_of_an_import_leaves_nothing() {
     let (inner, outer) = (cell.clone(), place.wake.clone());
     let wake: Wake = Arc::new(move || {
         let (shared, cancel) = inner.wait();
-        let is_in_steps = shared.state().now.total > 0;
+        let is_in_steps = lock(&shared.state).now.total > 0;
         if is_in_steps {
             cancel.cancel();
         }
@@ -130,10 +130,10 @@ fn cancelling_in_the_middle_of_an_import_leaves_nothing() {
         let opening = place.start(&[shipped()]);
         opening.shared.clone()
     };
-    while !shared.state().is_over {
+    while !lock(&shared.state).is_over {
         place.woken.recv_timeout(LONG).unwrap();
     }
-    assert!(matches!(shared.state().end, Some(OpeningEnd::Cancelled)), "dropped");
+    assert!(matches!(lock(&shared.state).end, Some(OpeningEnd::Cancelled)), "dropped");
     assert_eq!(place.cached(), 0);
 }
 

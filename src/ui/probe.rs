@@ -1,11 +1,10 @@
 //! The point under the mouse, and its value over the series: on threads of its own.
 
-use super::worker::{BLOCK_BYTES, Slot, Worker};
+use super::worker::{BLOCK_BYTES, SeriesPipeline, Slot, Worker};
 use crate::pipeline::{Backend, FrameRequest, Pipeline, PipelineError, Series, TetDraw};
 use crate::render::probe::{Probe, interpolate, probe};
 use crate::task::Cancel;
 use crate::visibility::Skip;
-use std::fmt;
 use std::io;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -31,7 +30,7 @@ pub struct Hover {
 }
 
 /// The scalar of a point at every step of a series, as far as read.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct Curve {
     /// The series.
     pub series: Arc<Series>,
@@ -49,13 +48,6 @@ pub struct Curve {
     pub problem: Option<String>,
     /// Whether the curve is final: complete, or failed.
     pub is_over: bool,
-}
-
-impl fmt::Debug for Curve {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { cell, weights, done, failed, problem, .. } = self;
-        write!(f, "Curve of cell {cell} at {weights:?}, {done} steps, {failed} failed: {problem:?}")
-    }
 }
 
 /// Interval between snapshots of a growing curve.
@@ -77,14 +69,15 @@ impl Prober {
     /// If the system gives no thread.
     pub fn start(wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
         let (hover, curve) = (Arc::<Slot<Hover>>::default(), Arc::<Slot<Arc<Curve>>>::default());
-        let find = |finder: &mut Finder, asked: HoverRequest, cancel: &Cancel, answer: &dyn Fn(Hover)| match finder
-            .find(&asked, cancel)
-        {
-            Err(PipelineError::Cancelled) => (),
-            found => answer(Hover { asked, found: found.map_err(|error| error.to_string()) }),
+        let answer = |pipeline: &mut SeriesPipeline, asked: HoverRequest, cancel: &Cancel, put: &dyn Fn(Hover)| {
+            let found = match find(pipeline.of(&asked.series), &asked, cancel) {
+                Err(PipelineError::Cancelled) => return,
+                found => found.map_err(|error| error.to_string()),
+            };
+            put(Hover { asked, found });
         };
         let failed = |asked, text| Hover { asked, found: Err(text) };
-        let hovers = Worker::start("probe", hover.filler(wake.clone()), find, failed)?;
+        let hovers = Worker::start("probe", hover.filler(wake.clone()), answer, failed)?;
         let follow = |(): &mut (), curve: Curve, cancel: &Cancel, show: &dyn Fn(Arc<Curve>)| curve.follow(cancel, show);
         let known = curve.clone();
         let picks = Worker::start("curve", curve.filler(wake), follow, move |empty, text| {
@@ -131,25 +124,15 @@ impl Prober {
     }
 }
 
-/// Finds points, and caches data of the last frames.
-#[derive(Default)]
-struct Finder {
-    pipeline: Option<(Arc<Series>, Pipeline)>,
-}
-
-impl Finder {
-    fn find(&mut self, asked: &HoverRequest, cancel: &Cancel) -> Result<Option<Probe>, PipelineError> {
-        let of_series = self.pipeline.take().filter(|(series, _)| Arc::ptr_eq(series, &asked.series));
-        let new = || (asked.series.clone(), Pipeline::new(asked.series.apart(BLOCK_BYTES)));
-        let (_, pipeline) = self.pipeline.insert(of_series.unwrap_or_else(new));
-        // The scalars are needed on the CPU, and every cell is: the point under the mouse may be transparent.
-        let skip = Skip { transparent_cells: false, transparent_chunks: false, ..asked.request.skip };
-        let request = asked.request.clone().with_draw(TetDraw::Raycast);
-        let request = FrameRequest { backend: Backend::Cpu, skip, ..request };
-        let job = pipeline.prepare_unless(&request, cancel)?;
-        let domain = asked.request.tets().map_or(&[][..], |tets| &tets.domain);
-        Ok(probe(&job, domain, asked.at_px)?)
-    }
+/// Finds the point at a position in a frame.
+fn find(pipeline: &mut Pipeline, asked: &HoverRequest, cancel: &Cancel) -> Result<Option<Probe>, PipelineError> {
+    // The scalars are needed on the CPU, and every cell is: the point under the mouse may be transparent.
+    let skip = Skip { transparent_cells: false, transparent_chunks: false, ..asked.request.skip };
+    let request = asked.request.clone().with_draw(TetDraw::Raycast);
+    let request = FrameRequest { backend: Backend::Cpu, skip, ..request };
+    let job = pipeline.prepare_unless(&request, cancel)?;
+    let domain = asked.request.tets().map_or(&[][..], |tets| &tets.domain);
+    Ok(probe(&job, domain, asked.at_px)?)
 }
 
 impl Curve {

@@ -4,7 +4,7 @@
 //! to fine, so that an overview of the series comes early: the first [`COARSE`] steps in bit-reversed order, the others a block of the
 //! codec at a time, blocks in bit-reversed order. At most [`MOST_STEPS`] steps are read, evenly over the series.
 
-use super::worker::{BLOCK_BYTES, Slot, Worker};
+use super::worker::{BLOCK_BYTES, Slot, Worker, lock};
 use crate::moments::{AxisScale, Bins, Histogram1d, StepSummary};
 use crate::pipeline::Series;
 use crate::task::Cancel;
@@ -139,12 +139,12 @@ struct Gate {
 
 impl Gate {
     fn set(&self, is_closed: bool) {
-        *self.is_closed.lock().unwrap_or_else(PoisonError::into_inner) = is_closed;
+        *lock(&self.is_closed) = is_closed;
         self.opened.notify_all();
     }
 
     fn pass(&self) {
-        let closed = self.is_closed.lock().unwrap_or_else(PoisonError::into_inner);
+        let closed = lock(&self.is_closed);
         drop(self.opened.wait_while(closed, |is_closed| *is_closed).unwrap_or_else(PoisonError::into_inner));
     }
 }

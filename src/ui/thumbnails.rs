@@ -1,11 +1,11 @@
 //! Thumbnails of steps, for hovering over the timeline: rendered on a thread of their own.
 
-use super::picture::{Picture, over_background};
-use super::worker::{BLOCK_BYTES, Worker};
-use crate::pipeline::{Backend, FrameRequest, FrameTime, Pipeline, PipelineError, Series, TetDraw};
+use super::picture::Picture;
+use super::worker::{SeriesPipeline, Worker, lock};
+use crate::pipeline::{Backend, FrameRequest, FrameTime, PipelineError, Series, TetDraw};
 use crate::task::Cancel;
 use std::io;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// Default width of thumbnails, pixels.
 pub const WIDTH_PX: usize = 160;
@@ -39,7 +39,7 @@ struct Kept {
 }
 
 /// A thumbnail, or why there is none.
-type Outcome = Result<Arc<Picture>, String>;
+pub type Outcome = Result<Arc<Picture>, String>;
 
 /// What was made of a job.
 struct Made {
@@ -51,30 +51,24 @@ struct Made {
 
 impl Thumbnails {
     /// Starts the thread, which ends with its owner. `wake` is called when there is another thumbnail. Thumbnails fit into a square of
-    /// [`WIDTH_PX`].
+    /// this width in pixels.
     ///
     /// # Errors
     /// If the system gives no thread.
-    pub fn start(wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
-        Self::with_width(WIDTH_PX, wake)
-    }
-
-    /// Like [`Self::start`], with another width in pixels.
-    ///
-    /// # Errors
-    /// As [`Self::start`].
-    pub fn with_width(width_px: usize, wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
+    pub fn start(width_px: usize, wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
         let kept: Arc<Mutex<Kept>> = Arc::default();
         let of_thread = kept.clone();
         let put = move |(time, picture), cancel: &Cancel| {
             lock(&of_thread).put(time, picture, cancel);
             wake();
         };
-        let work = |last: &mut _, job: Job, cancel: &Cancel, put: &dyn Fn((FrameTime, Outcome))| match render(
-            last, &job, cancel,
-        ) {
-            Err(PipelineError::Cancelled) => (),
-            made => put((job.request.time, made.map(Arc::new).map_err(|e| e.to_string()))),
+        let work = |pipeline: &mut SeriesPipeline, job: Job, cancel: &Cancel, put: &dyn Fn((FrameTime, Outcome))| {
+            let outcome = match pipeline.of(&job.series).render_unless(&job.request, cancel) {
+                Ok(frame) => Ok(Arc::new(Picture::of(frame, job.background))),
+                Err(PipelineError::Cancelled) => return,
+                Err(error) => Err(error.to_string()),
+            };
+            put((job.request.time, outcome));
         };
         let worker = Worker::start("thumbnails", put, work, |job, text| (job.request.time, Err(text)))?;
         Ok(Self { width_px, worker, kept })
@@ -106,17 +100,8 @@ impl Thumbnails {
         kept.wanted = None;
     }
 
-    /// The thumbnail of a frame of the series that was last wanted, if it is there.
-    pub fn get(&self, request: &FrameRequest) -> Option<Arc<Picture>> {
-        self.made(request)?.ok()
-    }
-
-    /// Why there is no thumbnail of a frame.
-    pub fn problem(&self, request: &FrameRequest) -> Option<String> {
-        self.made(request)?.err()
-    }
-
-    fn made(&self, request: &FrameRequest) -> Option<Result<Arc<Picture>, String>> {
+    /// The thumbnail of a frame of the series that was last wanted, or why there is none; `None`: it is pending, or was not wanted.
+    pub fn get(&self, request: &FrameRequest) -> Option<Outcome> {
         let request = self.reduced(request);
         let mut kept = lock(&self.kept);
         kept.of.as_ref().filter(|of| of.request.same_view(&request))?;
@@ -165,25 +150,14 @@ impl Kept {
     }
 }
 
-fn lock(kept: &Mutex<Kept>) -> MutexGuard<'_, Kept> {
-    kept.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Renders the thumbnail of a job, with the pipeline of the last one if it is of the same series.
-fn render(last: &mut Option<(Arc<Series>, Pipeline)>, job: &Job, cancel: &Cancel) -> Result<Picture, PipelineError> {
-    let of_series = last.take().filter(|(series, _)| Arc::ptr_eq(series, &job.series));
-    let new = || (job.series.clone(), Pipeline::new(job.series.apart(BLOCK_BYTES)));
-    let (_, pipeline) = last.insert(of_series.unwrap_or_else(new));
-    let color = &pipeline.render_unless(&job.request, cancel)?.planes.color;
-    Ok(Picture { size: [color.width, color.height], pixels: over_background(&color.pixels, job.background) })
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::picture::over_background;
     use super::super::worker::tests::wait_for;
     use super::*;
     use crate::camera::Camera;
     use crate::node_table::{Node, NodeTable};
+    use crate::pipeline::Pipeline;
     use crate::pipeline::test_series::{jet, logged};
 
     const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
@@ -196,11 +170,11 @@ mod tests {
     }
 
     fn silent() -> Thumbnails {
-        Thumbnails::with_width(32, Arc::new(|| ())).unwrap()
+        Thumbnails::start(32, Arc::new(|| ())).unwrap()
     }
 
     fn made(thumbnails: &Thumbnails, request: &FrameRequest) -> Arc<Picture> {
-        wait_for("picture", || thumbnails.get(request))
+        wait_for("picture", || thumbnails.get(request)?.ok())
     }
 
     #[test]
@@ -249,7 +223,7 @@ mod tests {
         want(&turned);
         assert!(thumbnails.get(&frame(&series, 4)).is_none(), "those of the look before are gone");
         thumbnails.want(&series, &turned, [1.0; 3]);
-        let white = wait_for("picture", || thumbnails.get(&turned));
+        let white = wait_for("picture", || thumbnails.get(&turned)?.ok());
         assert_eq!(white.pixels[0], [255; 4], "on another background");
         let (other, _) = logged(10);
         thumbnails.want(&other, &turned, [1.0; 3]);
@@ -281,8 +255,9 @@ mod tests {
         for (step, word) in [(1, "damaged"), (2, "not meant")] {
             let request = frame(&series, step);
             thumbnails.want(&series, &request, BACKGROUND);
-            let problem = wait_for("problem", || thumbnails.problem(&request));
-            assert!(problem.contains(word) && thumbnails.get(&request).is_none(), "{problem}");
+            let problem = wait_for("problem", || thumbnails.get(&request)?.err());
+            assert!(problem.contains(word), "{problem}");
+            assert_eq!(thumbnails.get(&request), Some(Err(problem)));
             thumbnails.want(&series, &request, BACKGROUND);
             assert_eq!(lock(&thumbnails.kept).wanted, None);
         }

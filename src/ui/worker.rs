@@ -1,5 +1,6 @@
 //! Background threads: each works on the newest job it is given.
 
+use crate::pipeline::{Pipeline, Series};
 use crate::task::{Cancel, panic_message};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::io;
@@ -8,6 +9,24 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 /// Bytes of blocks for a worker that reads steps: a few blocks of 64 steps of a million cells, or one larger block.
 pub(super) const BLOCK_BYTES: u64 = 32 << 20;
+
+/// Locks a mutex, also after a panic of a thread that had it: what it protects is valid at all times.
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A pipeline that renders for a worker, and keeps data of the last frames.
+#[derive(Default)]
+pub(super) struct SeriesPipeline(Option<(Arc<Series>, Pipeline)>);
+
+impl SeriesPipeline {
+    /// The pipeline of a series: that of the last call if it was of the same one.
+    pub(super) fn of(&mut self, series: &Arc<Series>) -> &mut Pipeline {
+        let last = self.0.take().filter(|(last, _)| Arc::ptr_eq(last, series));
+        let new = || (series.clone(), Pipeline::new(series.apart(BLOCK_BYTES)));
+        &mut self.0.insert(last.unwrap_or_else(new)).1
+    }
+}
 
 /// One thread, which ends with its owner. It is the only one of a rayon pool: parallel code runs on it alone, and never waits behind a
 /// renderer's tasks.
@@ -60,7 +79,7 @@ impl<J: Clone + Send + 'static> Worker<J> {
 
     /// Gives a job, replacing a waiting one. The current one is finished.
     pub(super) fn give(&self, job: J) {
-        self.shared.lock().next = Some(job);
+        lock(&self.shared.state).next = Some(job);
         self.shared.changed.notify_all();
     }
 }
@@ -68,7 +87,7 @@ impl<J: Clone + Send + 'static> Worker<J> {
 impl<J> Worker<J> {
     /// Drops the waiting job and cancels the current one.
     pub(super) fn stop(&self) {
-        let mut state = self.shared.lock();
+        let mut state = lock(&self.shared.state);
         state.next = None;
         state.current.cancel();
     }
@@ -77,19 +96,15 @@ impl<J> Worker<J> {
 impl<J> Drop for Worker<J> {
     fn drop(&mut self) {
         self.stop();
-        self.shared.lock().is_over = true;
+        lock(&self.shared.state).is_over = true;
         self.shared.changed.notify_all();
     }
 }
 
 impl<J> Shared<J> {
-    fn lock(&self) -> MutexGuard<'_, State<J>> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// The next job and its cancel flag; `None` at the end.
     fn next(&self) -> Option<(J, Cancel)> {
-        let mut state = self.lock();
+        let mut state = lock(&self.state);
         loop {
             if state.is_over {
                 return None;
@@ -114,24 +129,20 @@ impl<T> Default for Slot<T> {
 }
 
 impl<T> Slot<T> {
-    fn lock(&self) -> MutexGuard<'_, Option<T>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Stores a result, unless `cancel` is raised: if its owner raises it and then clears the slot, the slot stays empty.
     pub(super) fn put(&self, value: T, cancel: &Cancel) {
-        let mut slot = self.lock();
+        let mut slot = lock(&self.0);
         if !cancel.is_cancelled() {
             *slot = Some(value);
         }
     }
 
     pub(super) fn take(&self) -> Option<T> {
-        self.lock().take()
+        lock(&self.0).take()
     }
 
     pub(super) fn clear(&self) {
-        self.lock().take();
+        lock(&self.0).take();
     }
 }
 
@@ -148,7 +159,7 @@ impl<T: 'static> Slot<T> {
 
 impl<T: Clone> Slot<T> {
     pub(super) fn get(&self) -> Option<T> {
-        self.lock().clone()
+        lock(&self.0).clone()
     }
 }
 
