@@ -41,7 +41,7 @@ impl Place {
             let end = opening.take();
             seen.push(opening.progress());
             if let Some(end) = end {
-                assert!(opening.is_over() && opening.take().is_none(), "the end is handed over once");
+                assert!(opening.progress().fraction == 1.0 && opening.take().is_none(), "the end is handed over once");
                 return (end, seen);
             }
         }
@@ -130,7 +130,7 @@ fn cancelling_in_the_middle_of_an_import_leaves_nothing() {
         let opening = place.start(&[shipped()]);
         opening.shared.clone()
     };
-    while !lock(&shared.state).is_over {
+    while lock(&shared.state).end.is_none() {
         place.woken.recv_timeout(LONG).unwrap();
     }
     assert!(matches!(lock(&shared.state).end, Some(OpeningEnd::Cancelled)), "dropped");
