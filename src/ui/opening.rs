@@ -11,7 +11,6 @@ use crate::task::{Cancel, Progress, panic_message};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Callback for new results or progress.
@@ -106,7 +105,6 @@ pub struct Opening {
     shared: Arc<Shared>,
     cancel: Cancel,
     paths: Vec<PathBuf>,
-    thread: Option<JoinHandle<()>>,
 }
 
 impl Opening {
@@ -141,9 +139,10 @@ impl Opening {
                 )),
             });
         };
-        let thread = std::thread::Builder::new().name("opening".to_owned()).spawn(work);
-        let thread = thread.map_err(|e| shared.finish(OpeningEnd::Failed(format!("cannot start a thread: {e}")))).ok();
-        Self { shared, cancel, paths, thread }
+        if let Err(e) = std::thread::Builder::new().name("opening".to_owned()).spawn(work) {
+            shared.finish(OpeningEnd::Failed(format!("cannot start a thread: {e}")));
+        }
+        Self { shared, cancel, paths }
     }
 
     /// Paths that are being opened.
@@ -164,15 +163,6 @@ impl Opening {
     /// Requests a cancel: opening soon ends with [`OpeningEnd::Cancelled`], or with success if it was about to end.
     pub fn cancel(&self) {
         self.cancel.cancel();
-    }
-
-    /// Cancels and joins the thread, before the process ends.
-    pub fn cancel_and_wait(mut self) {
-        self.cancel();
-        if let Some(thread) = self.thread.take() {
-            // Panics of the thread have been caught.
-            let _ = thread.join();
-        }
     }
 }
 

@@ -124,7 +124,9 @@ fn cancelling_in_the_middle_of_an_import_leaves_nothing() {
     assert!(matches!(end, OpeningEnd::Cancelled), "{end:?}");
     assert_never_back(&seen);
     assert!(place.dir.path().join("cache").is_dir() && place.cached() == 0, "it had begun, and left nothing");
-    place.start(&[shipped()]).cancel_and_wait();
+    let opening = place.start(&[shipped()]);
+    opening.cancel();
+    assert!(matches!(place.watch(&opening).0, OpeningEnd::Cancelled));
     assert_eq!(place.cached(), 0);
     let shared = {
         let opening = place.start(&[shipped()]);
