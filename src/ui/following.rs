@@ -23,7 +23,7 @@ const PAUSE: Duration = Duration::from_secs(1);
 /// Number of checks after which unchanged metadata are not trusted.
 const LOOKS_TRUSTED: u32 = 10;
 
-/// A store that has grown.
+/// A store that has grown, or that its owner has.
 #[derive(Clone, Debug)]
 pub struct Grown {
     /// The reopened store.
@@ -34,11 +34,10 @@ pub struct Grown {
 
 /// The followed series and the results not taken yet.
 struct State {
-    series: Arc<Series>,
-    /// Counts changes of `series` by the owner: results for an earlier one are discarded.
+    /// What the owner has.
+    held: Grown,
+    /// Counts changes of the held series by the owner: results for an earlier one are discarded.
     generation: u64,
-    /// The store that the owner has.
-    held: Arc<Store>,
     found: Option<Grown>,
     /// Problems that were not handed over yet.
     problems: Vec<String>,
@@ -64,7 +63,8 @@ impl Follower {
 
     fn start_every(pause: Duration, store: Arc<Store>, series: Arc<Series>, wake: Wake) -> Self {
         let watch = Watch::new(store.clone());
-        let state = State { series, generation: 0, held: store, found: None, problems: Vec::new() };
+        let held = Grown { store, series };
+        let state = State { held, generation: 0, found: None, problems: Vec::new() };
         let shared = Arc::new(Shared { state: Mutex::new(state), wake });
         let (to_thread, commands) = unbounded();
         let inner = shared.clone();
@@ -87,7 +87,7 @@ impl Follower {
     /// Switches to another field of the store: results are handed over for it from now on.
     pub fn set_field(&self, series: Arc<Series>) {
         let mut state = lock(&self.shared.state);
-        state.series = series;
+        state.held.series = series;
         state.generation += 1;
         state.found = None;
         drop(state);
@@ -102,8 +102,7 @@ impl Follower {
             return Some(Err(state.problems.remove(0)));
         }
         let found = state.found.take()?;
-        state.held = found.store.clone();
-        state.series = found.series.clone();
+        state.held = found.clone();
         Some(Ok(found))
     }
 }
@@ -141,14 +140,12 @@ fn follow(mut watch: Watch, shared: &Shared, commands: &Receiver<()>, pause: Dur
 fn hand_over(store: &Arc<Store>, shared: &Shared) -> FileResult<()> {
     let (series, generation) = {
         let state = lock(&shared.state);
-        let has = |held: &Arc<Store>, series: &Series| {
-            Arc::ptr_eq(held, store) && series.times().len() >= store.times().len()
-        };
-        if has(&state.held, &state.series) || state.found.as_ref().is_some_and(|found| has(&found.store, &found.series))
-        {
+        let has_all =
+            |known: &Grown| Arc::ptr_eq(&known.store, store) && known.series.times().len() >= store.times().len();
+        if has_all(&state.held) || state.found.as_ref().is_some_and(has_all) {
             return Ok(());
         }
-        (state.series.clone(), state.generation)
+        (state.held.series.clone(), state.generation)
     };
     // Stores list fields by their full name.
     let field = FieldSelector { name: series.field().name.clone(), component: None };
