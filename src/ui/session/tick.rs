@@ -171,24 +171,19 @@ impl Session {
                     self.opens_field = false;
                     self.fail(problem);
                 }
-                Done::Series(series) => {
+                Done::Series(series, looks) => {
                     self.opens_field = false;
-                    match series {
-                        Ok((series, looks)) => {
-                            let [before, first] = *looks;
-                            // Colours chosen by the user are kept.
-                            if self.look.is_first(&before) {
-                                (self.look.tf, self.look.range) = (first.tf, first.range);
-                            }
-                            self.player.set_series(series);
-                            self.quality.forget_all();
-                            (self.moved, self.motion_error) = (None, None);
-                            // A picture of another field would be mistaken for this one.
-                            (self.shown, self.requests.still) = (None, None);
-                            self.study();
-                        }
-                        Err(error) => self.fail(error.to_string()),
+                    let [before, first] = *looks;
+                    // Colours chosen by the user are kept.
+                    if self.look.is_first(&before) {
+                        (self.look.tf, self.look.range) = (first.tf, first.range);
                     }
+                    self.player.set_series(series);
+                    self.quality.forget_all();
+                    (self.moved, self.motion_error) = (None, None);
+                    // A picture of another field would be mistaken for this one.
+                    (self.shown, self.requests.still) = (None, None);
+                    self.study();
                 }
             }
         }
