@@ -111,7 +111,6 @@ impl Survey {
 
     /// Statistics so far: at first no step. The ranges of all steps are in
     /// [`StoredField::range_per_step`](crate::store::StoredField::range_per_step) at once. Cheap.
-    /// [`StoredField::range_per_step`](crate::store::StoredField::range_per_step) at once. Cheap.
     pub fn snapshot(&self) -> Arc<Surveyed> {
         self.slot.get().unwrap_or_else(|| self.at_begin.clone())
     }

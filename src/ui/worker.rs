@@ -48,8 +48,8 @@ struct State<J> {
 }
 
 impl<J: Clone + Send + 'static> Worker<J> {
-    /// Starts the thread. `work` does a job and hands its results over, which `put` is called with. What it keeps from job to job is in
-    /// `S`, and begins afresh after a panic, which is a fault of this program: `failed` then makes the result, from its message.
+    /// Starts the thread. `work` does a job and passes its results on to `put`. What it keeps from job to job is in `S`, and begins afresh
+    /// after a panic, which is a fault of this program: `failed` then makes the result from the panic's message.
     pub(super) fn start<S: Default + 'static, R: 'static>(
         name: &str,
         put: impl Fn(R, &Cancel) + Send + 'static,
