@@ -32,7 +32,6 @@ pub enum Action {
     /// Orbits the camera around its focal point, in heights of the image (x to the right, y upwards).
     Orbit(DVec2),
     /// Shifts the image, in plane coordinates (half heights of the image; see [`Camera::pan`](crate::camera::Camera::pan)).
-    /// [`Camera::pan`](crate::camera::Camera::pan)).
     Pan(DVec2),
     /// Magnifies by `factor` around `cursor` (plane coordinates).
     Zoom {

@@ -3,10 +3,9 @@
 //! A thread checks the metadata of the store's root every second, and only if the file has changed calls [`Store::refreshed`] (which opens
 //! the new store); every tenth time it does so in any case, for file systems with coarse times. A grown series is opened again and kept
 //! until taken.
-//! [`Store::refreshed`] (which opens the new store); every tenth time it does so in any case, for file systems with coarse
-//! times. What has grown is opened again and waits to be taken.
 
 use super::opening::Wake;
+use super::worker::lock;
 use crate::error::FileResult;
 use crate::field::FieldSelector;
 use crate::pipeline::Series;
@@ -15,7 +14,7 @@ use crate::task::{Cancel, panic_message};
 use crossbeam::channel::{Receiver, RecvTimeoutError, Sender, unbounded};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, SystemTime};
 
 /// Interval between checks of a store.
@@ -24,7 +23,7 @@ const PAUSE: Duration = Duration::from_secs(1);
 /// Number of checks after which unchanged metadata are not trusted.
 const LOOKS_TRUSTED: u32 = 10;
 
-/// A store that has grown.
+/// A store that has grown, or that its owner has.
 #[derive(Clone, Debug)]
 pub struct Grown {
     /// The reopened store.
@@ -35,11 +34,10 @@ pub struct Grown {
 
 /// The followed series and the results not taken yet.
 struct State {
-    series: Arc<Series>,
-    /// Counts changes of `series` by the owner: results for an earlier one are discarded.
+    /// What the owner has.
+    held: Grown,
+    /// Counts changes of the held series by the owner: results for an earlier one are discarded.
     generation: u64,
-    /// The store that the owner has.
-    held: Arc<Store>,
     found: Option<Grown>,
     /// Problems that were not handed over yet.
     problems: Vec<String>,
@@ -48,12 +46,6 @@ struct State {
 struct Shared {
     state: Mutex<State>,
     wake: Wake,
-}
-
-impl Shared {
-    fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
 }
 
 /// Follows a store until it is dropped.
@@ -71,7 +63,8 @@ impl Follower {
 
     fn start_every(pause: Duration, store: Arc<Store>, series: Arc<Series>, wake: Wake) -> Self {
         let watch = Watch::new(store.clone());
-        let state = State { series, generation: 0, held: store, found: None, problems: Vec::new() };
+        let held = Grown { store, series };
+        let state = State { held, generation: 0, found: None, problems: Vec::new() };
         let shared = Arc::new(Shared { state: Mutex::new(state), wake });
         let (to_thread, commands) = unbounded();
         let inner = shared.clone();
@@ -93,8 +86,8 @@ impl Follower {
 
     /// Switches to another field of the store: results are handed over for it from now on.
     pub fn set_field(&self, series: Arc<Series>) {
-        let mut state = self.shared.state();
-        state.series = series;
+        let mut state = lock(&self.shared.state);
+        state.held.series = series;
         state.generation += 1;
         state.found = None;
         drop(state);
@@ -104,19 +97,18 @@ impl Follower {
 
     /// New steps, or why there can be none: each once. The store and its series replace those that were given before.
     pub fn take(&self) -> Option<Result<Grown, String>> {
-        let mut state = self.shared.state();
+        let mut state = lock(&self.shared.state);
         if !state.problems.is_empty() {
             return Some(Err(state.problems.remove(0)));
         }
         let found = state.found.take()?;
-        state.held = found.store.clone();
-        state.series = found.series.clone();
+        state.held = found.clone();
         Some(Ok(found))
     }
 }
 
 fn complain(shared: &Shared, problem: String) {
-    shared.state().problems.push(problem);
+    lock(&shared.state).problems.push(problem);
     (shared.wake)();
 }
 
@@ -147,22 +139,20 @@ fn follow(mut watch: Watch, shared: &Shared, commands: &Receiver<()>, pause: Dur
 /// Reopens the field, unless the owner has all steps or a result with them waits to be taken.
 fn hand_over(store: &Arc<Store>, shared: &Shared) -> FileResult<()> {
     let (series, generation) = {
-        let state = shared.state();
-        let has = |held: &Arc<Store>, series: &Series| {
-            Arc::ptr_eq(held, store) && series.times().len() >= store.times().len()
-        };
-        if has(&state.held, &state.series) || state.found.as_ref().is_some_and(|found| has(&found.store, &found.series))
-        {
+        let state = lock(&shared.state);
+        let has_all =
+            |known: &Grown| Arc::ptr_eq(&known.store, store) && known.series.times().len() >= store.times().len();
+        if has_all(&state.held) || state.found.as_ref().is_some_and(has_all) {
             return Ok(());
         }
-        (state.series.clone(), state.generation)
+        (state.held.series.clone(), state.generation)
     };
     // Stores list fields by their full name.
     let field = FieldSelector { name: series.field().name.clone(), component: None };
     let series = Arc::new(series.reopened(store, Some(&field))?);
     // The window asks for percentiles, for which steps are decoded: here, not on its thread. It reports steps that cannot be read.
     let _ = series.distribution(&Cancel::new());
-    let mut state = shared.state();
+    let mut state = lock(&shared.state);
     // Otherwise a pending message requests the other field.
     if state.generation == generation {
         state.found = Some(Grown { store: store.clone(), series });

@@ -132,7 +132,7 @@ fn another_field_is_followed_as_soon_as_it_is_told() {
     assert_ne!(open.1.field().name, other.field().name);
     let following = Following::of(&open);
     growing.grow_to(5);
-    while following.follower.shared.state().found.is_none() {
+    while lock(&following.follower.shared.state).found.is_none() {
         following.woken.recv_timeout(LONG).unwrap();
     }
     // The result is for the first field, and was not taken.

@@ -1,9 +1,8 @@
 //! Data of a series beside its pictures: values over time, the point under the mouse, thumbnails.
 
-use super::picture::Picture;
 use super::probe::{Curve, Hover, HoverRequest, Prober};
-use super::survey::{Survey, Surveyed};
-use super::thumbnails::Thumbnails;
+use super::survey::Survey;
+use super::thumbnails::{Thumbnails, WIDTH_PX};
 use crate::pipeline::{FrameRequest, Series};
 use crate::render::probe::Probe;
 use glam::DVec3;
@@ -38,12 +37,13 @@ fn is_same(a: &HoverRequest, b: &HoverRequest) -> bool {
 /// Finds these data on threads of its own.
 pub(super) struct Insight {
     wake: Arc<dyn Fn() + Send + Sync>,
-    survey: Survey,
+    pub(super) survey: Survey,
     prober: Prober,
-    thumbnails: Thumbnails,
+    pub(super) thumbnails: Thumbnails,
     /// Position of the mouse, as shares of the picture's width and height from the top left corner.
-    mouse: Option<(f64, f64)>,
-    hover: Option<Hover>,
+    pub(super) mouse: Option<(f64, f64)>,
+    /// The answer for the point under the mouse.
+    pub(super) hover: Option<Hover>,
     /// The last request.
     asked: Option<HoverRequest>,
     /// Request whose point is to be picked once known. Until then no other request is made: the mouse may have moved on.
@@ -58,7 +58,7 @@ impl Insight {
         Ok(Self {
             survey: Survey::start(series, wake.clone())?,
             prober: Prober::start(wake.clone())?,
-            thumbnails: Thumbnails::start(wake.clone())?,
+            thumbnails: Thumbnails::start(WIDTH_PX, wake.clone())?,
             wake,
             mouse: None,
             hover: None,
@@ -124,16 +124,6 @@ impl Insight {
         }
     }
 
-    /// Position of the mouse in the picture.
-    pub(super) fn mouse(&self) -> Option<(f64, f64)> {
-        self.mouse
-    }
-
-    /// The answer for the point under the mouse.
-    pub(super) fn hover(&self) -> Option<&Hover> {
-        self.hover.as_ref()
-    }
-
     /// Picks the point under the mouse, as soon as it is known; no point if there is none.
     pub(super) fn pick(&mut self) {
         let Some(asked) = &self.asked else { return };
@@ -160,31 +150,5 @@ impl Insight {
     pub(super) fn picked(&self) -> Option<Picked> {
         let (probe, curve) = self.picked.as_ref()?;
         Some(Picked { position: probe.position, source_cell: probe.source_cell, curve: curve.clone() })
-    }
-
-    /// The survey of the series so far.
-    pub(super) fn survey(&self) -> Arc<Surveyed> {
-        self.survey.snapshot()
-    }
-
-    /// Pauses or resumes the survey.
-    pub(super) fn pause(&self, pauses: bool) {
-        self.survey.pause(pauses);
-    }
-
-    /// The thumbnail of a frame; requested if missing.
-    pub(super) fn thumbnail(
-        &self,
-        series: &Arc<Series>,
-        request: &FrameRequest,
-        background: [f32; 3],
-    ) -> Option<Arc<Picture>> {
-        self.thumbnails.want(series, request, background);
-        self.thumbnails.get(request)
-    }
-
-    /// Drops pending thumbnails.
-    pub(super) fn forget_thumbnails(&self) {
-        self.thumbnails.forget_wanted();
     }
 }

@@ -22,10 +22,10 @@ pub(super) enum Done {
     /// An image was written.
     Screenshot(FileResult<PathBuf>),
     /// A field was opened; first looks of the field before it and of this one.
-    Series(FileResult<(Arc<Series>, Box<[FirstLook; 2]>)>),
+    Series(Arc<Series>, Box<[FirstLook; 2]>),
     /// Error of the last picture of a motion against the one in full.
     Compared(MotionError),
-    /// The job failed, through a fault of this program or for want of a thread.
+    /// A field cannot be opened, or a job failed through a fault of this program or for want of a thread.
     Failed(String),
 }
 
@@ -51,12 +51,12 @@ impl Jobs {
     pub(super) fn open(&self, store: &Arc<Store>, series: &Arc<Series>, field: FieldSelector) {
         let (store, series) = (store.clone(), series.clone());
         self.run(move || {
-            let opened = || {
-                let other = Arc::new(series.reopened(&store, Some(&field))?);
+            let opened = series.reopened(&store, Some(&field)).map(|other| {
+                let other = Arc::new(other);
                 let looks = [&series, &other].map(|series| series.first_look(None, &Cancel::new()));
-                Ok((other, Box::new(looks)))
-            };
-            Done::Series(opened())
+                Done::Series(other, Box::new(looks))
+            });
+            opened.unwrap_or_else(|error| Done::Failed(error.to_string()))
         });
     }
 

@@ -5,28 +5,11 @@ use crate::camera::Axis;
 use crate::look::EnsembleChoice;
 use crate::playback::Command;
 
-/// A key of the table.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Key {
-    /// A letter, upper case, or another character that needs no shift.
-    Char(char),
-    /// The space bar.
-    Space,
-    /// Arrow to the left.
-    Left,
-    /// Arrow to the right.
-    Right,
-    /// The Home key.
-    Home,
-    /// The End key.
-    End,
-}
-
 /// One line of the table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Binding {
-    /// The key.
-    pub key: Key,
+    /// The key as written: an upper-case letter, another character that needs no shift, or a name as `Left`.
+    pub key: &'static str,
     /// Whether shift is held.
     pub shift: bool,
     /// Its action.
@@ -42,47 +25,46 @@ pub const MANY_STEPS: i64 = 10;
 pub fn bindings() -> Vec<Binding> {
     let plain = |key, action, help| Binding { key, shift: false, action, help };
     let shifted = |key, action, help| Binding { key, shift: true, action, help };
-    let letter = |c, action, help| plain(Key::Char(c), action, help);
     let along = |axis, from_positive| Action::ViewAlong { axis, from_positive };
     let ensemble = |(index, digit)| {
-        letter(digit, Action::Ensembles(EnsembleChoice::One(index)), "an ensemble of the project, at all times")
+        plain(digit, Action::Ensembles(EnsembleChoice::One(index)), "an ensemble of the project, at all times")
     };
     let (axes, other_side) = ("look along an axis", "the same from the other side");
     let mut all = vec![
-        plain(Key::Space, Action::Play(Command::Toggle), "play or pause"),
-        plain(Key::Left, Action::Play(Command::Step(-1)), "one step back or on"),
-        plain(Key::Right, Action::Play(Command::Step(1)), "one step back or on"),
-        shifted(Key::Left, Action::Play(Command::Step(-MANY_STEPS)), MANY_STEPS_HELP),
-        shifted(Key::Right, Action::Play(Command::Step(MANY_STEPS)), MANY_STEPS_HELP),
-        plain(Key::Home, Action::Play(Command::SeekStep(0)), "first or last step"),
-        plain(Key::End, Action::Play(Command::SeekStep(usize::MAX)), "first or last step"),
-        letter('B', Action::Play(Command::Reverse), "turn round"),
-        letter('[', Action::Slower, "slower or faster"),
-        letter(']', Action::Faster, "slower or faster"),
-        letter('L', Action::NextLoop, "loop: off, all, range"),
-        letter('P', Action::TogglePingPong, "ping-pong"),
-        letter('I', Action::RangeFromHere, "play from here or up to here only"),
-        letter('O', Action::RangeToHere, "play from here or up to here only"),
-        letter('A', Action::ToggleDropping, "real time, dropping frames, or every step"),
-        letter('R', Action::ResetView, "the whole mesh again"),
-        letter('X', along(Axis::X, false), axes),
-        letter('Y', along(Axis::Y, false), axes),
-        letter('Z', along(Axis::Z, false), axes),
-        shifted(Key::Char('X'), along(Axis::X, true), other_side),
-        shifted(Key::Char('Y'), along(Axis::Y, true), other_side),
-        shifted(Key::Char('Z'), along(Axis::Z, true), other_side),
-        letter('V', Action::OtherProjection, "perspective or parallel"),
-        letter('M', Action::NextShown, "volume, isosurfaces, or both"),
-        letter('J', Action::MoveIsovalue(-1.0), ISOVALUE_HELP),
-        letter('K', Action::MoveIsovalue(1.0), ISOVALUE_HELP),
+        plain("Space", Action::Play(Command::Toggle), "play or pause"),
+        plain("Left", Action::Play(Command::Step(-1)), "one step back or on"),
+        plain("Right", Action::Play(Command::Step(1)), "one step back or on"),
+        shifted("Left", Action::Play(Command::Step(-MANY_STEPS)), MANY_STEPS_HELP),
+        shifted("Right", Action::Play(Command::Step(MANY_STEPS)), MANY_STEPS_HELP),
+        plain("Home", Action::Play(Command::SeekStep(0)), "first or last step"),
+        plain("End", Action::Play(Command::SeekStep(usize::MAX)), "first or last step"),
+        plain("B", Action::Play(Command::Reverse), "turn round"),
+        plain("[", Action::Slower, "slower or faster"),
+        plain("]", Action::Faster, "slower or faster"),
+        plain("L", Action::NextLoop, "loop: off, all, range"),
+        plain("P", Action::TogglePingPong, "ping-pong"),
+        plain("I", Action::RangeFromHere, "play from here or up to here only"),
+        plain("O", Action::RangeToHere, "play from here or up to here only"),
+        plain("A", Action::ToggleDropping, "real time, dropping frames, or every step"),
+        plain("R", Action::ResetView, "the whole mesh again"),
+        plain("X", along(Axis::X, false), axes),
+        plain("Y", along(Axis::Y, false), axes),
+        plain("Z", along(Axis::Z, false), axes),
+        shifted("X", along(Axis::X, true), other_side),
+        shifted("Y", along(Axis::Y, true), other_side),
+        shifted("Z", along(Axis::Z, true), other_side),
+        plain("V", Action::OtherProjection, "perspective or parallel"),
+        plain("M", Action::NextShown, "volume, isosurfaces, or both"),
+        plain("J", Action::MoveIsovalue(-1.0), ISOVALUE_HELP),
+        plain("K", Action::MoveIsovalue(1.0), ISOVALUE_HELP),
     ];
-    all.extend(('1'..='9').enumerate().map(ensemble));
+    all.extend(["1", "2", "3", "4", "5", "6", "7", "8", "9"].into_iter().enumerate().map(ensemble));
     all.extend([
-        letter('0', Action::Ensembles(EnsembleChoice::Project), "the project's timeline again, with its ensembles"),
-        letter('C', Action::CameraPath(true), "the project's camera path again"),
-        letter('S', Action::Screenshot, "save the picture as a PNG file here"),
-        letter('H', Action::Help, "this help"),
-        letter('?', Action::Help, "this help"),
+        plain("0", Action::Ensembles(EnsembleChoice::Project), "the project's timeline again, with its ensembles"),
+        plain("C", Action::CameraPath(true), "the project's camera path again"),
+        plain("S", Action::Screenshot, "save the picture as a PNG file here"),
+        plain("H", Action::Help, "this help"),
+        plain("?", Action::Help, "this help"),
     ]);
     all
 }
@@ -103,17 +85,9 @@ pub const MOUSE: [(&str, &str); 7] = [
 ];
 
 impl Binding {
-    /// The key as written: `Shift Left`.
+    /// Key and shift as written: `Shift Left`.
     pub fn name(&self) -> String {
-        let key = match self.key {
-            Key::Char(c) => c.to_string(),
-            Key::Space => "Space".to_owned(),
-            Key::Left => "Left".to_owned(),
-            Key::Right => "Right".to_owned(),
-            Key::Home => "Home".to_owned(),
-            Key::End => "End".to_owned(),
-        };
-        if self.shift { format!("Shift {key}") } else { key }
+        if self.shift { format!("Shift {}", self.key) } else { self.key.to_owned() }
     }
 }
 
@@ -133,7 +107,7 @@ pub fn help() -> Vec<(String, &'static str)> {
 }
 
 /// The action of a key.
-pub fn action(key: Key, shift: bool) -> Option<Action> {
+pub fn action(key: &str, shift: bool) -> Option<Action> {
     let found = bindings().into_iter().find(|b| b.key == key && b.shift == shift);
     found.map(|binding| binding.action)
 }
@@ -145,7 +119,7 @@ mod tests {
 
     #[test]
     fn no_key_does_two_things() {
-        let keys: Vec<(Key, bool)> = bindings().iter().map(|b| (b.key, b.shift)).collect();
+        let keys: Vec<(&str, bool)> = bindings().iter().map(|b| (b.key, b.shift)).collect();
         assert_eq!(keys.iter().collect::<HashSet<_>>().len(), keys.len());
     }
 
@@ -176,8 +150,8 @@ mod tests {
 
     #[test]
     fn keys_do_what_they_say() {
-        assert_eq!(action(Key::Space, false), Some(Action::Play(Command::Toggle)));
-        assert_eq!(action(Key::Left, true), Some(Action::Play(Command::Step(-10))));
-        assert_eq!(action(Key::Char('Q'), false), None);
+        assert_eq!(action("Space", false), Some(Action::Play(Command::Toggle)));
+        assert_eq!(action("Left", true), Some(Action::Play(Command::Step(-10))));
+        assert_eq!(action("Q", false), None);
     }
 }

@@ -1,16 +1,16 @@
 //! Opening a store, or importing a source to the cache first, on a thread of its own.
 
+use super::worker::lock;
 use crate::codec::BlockCache;
 use crate::error::FileError;
 use crate::field::FieldSelector;
-use crate::ingest::{CacheError, CacheEvent, ImportCache, Origin};
+use crate::ingest::{CacheError, CacheEvent, ImportCache, IngestError, Origin};
 use crate::pipeline::Series;
 use crate::store::Store;
 use crate::task::{Cancel, Progress, panic_message};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// Callback for new results or progress.
@@ -60,7 +60,7 @@ pub enum OpeningEnd {
 }
 
 /// Progress of opening. `fraction`, and within a stage `done`, never decrease.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct OpeningProgress {
     /// Current stage, for the user.
     pub stage: String,
@@ -85,17 +85,19 @@ const WAKE_PAUSE: Duration = Duration::from_millis(50);
 
 /// State shared by the thread and its owner.
 struct Shared {
+    /// Name of what is opened, for the user.
+    name: String,
     state: Mutex<State>,
     wake: Wake,
 }
 
+#[derive(Default)]
 struct State {
     now: OpeningProgress,
     /// Start of the import of steps.
     steps_begun: Option<Instant>,
     woken: Option<Instant>,
     end: Option<OpeningEnd>,
-    is_over: bool,
 }
 
 /// An opening in progress. Dropping it cancels it.
@@ -103,7 +105,6 @@ pub struct Opening {
     shared: Arc<Shared>,
     cancel: Cancel,
     paths: Vec<PathBuf>,
-    thread: Option<JoinHandle<()>>,
 }
 
 impl Opening {
@@ -119,16 +120,10 @@ impl Opening {
         wake: Wake,
         job: impl FnOnce(&Shared, &Cancel) -> Result<Opened, CacheError> + Send + 'static,
     ) -> Self {
-        let now = OpeningProgress {
-            stage: format!("opening {}", name_of(&paths)),
-            done: 0,
-            total: 0,
-            unit: String::new(),
-            fraction: 0.0,
-            left: None,
-        };
-        let state = State { now, steps_begun: None, woken: None, end: None, is_over: false };
-        let shared = Arc::new(Shared { state: Mutex::new(state), wake });
+        let name = name_of(&paths);
+        let now = OpeningProgress { stage: format!("opening {name}"), ..Default::default() };
+        let state = Mutex::new(State { now, ..Default::default() });
+        let shared = Arc::new(Shared { name, state, wake });
         let cancel = Cancel::new();
         let (inner, flag) = (shared.clone(), cancel.clone());
         let work = move || {
@@ -144,9 +139,10 @@ impl Opening {
                 )),
             });
         };
-        let thread = std::thread::Builder::new().name("opening".to_owned()).spawn(work);
-        let thread = thread.map_err(|e| shared.finish(OpeningEnd::Failed(format!("cannot start a thread: {e}")))).ok();
-        Self { shared, cancel, paths, thread }
+        if let Err(e) = std::thread::Builder::new().name("opening".to_owned()).spawn(work) {
+            shared.finish(OpeningEnd::Failed(format!("cannot start a thread: {e}")));
+        }
+        Self { shared, cancel, paths }
     }
 
     /// Paths that are being opened.
@@ -156,31 +152,17 @@ impl Opening {
 
     /// Progress so far.
     pub fn progress(&self) -> OpeningProgress {
-        self.shared.state().now.clone()
+        lock(&self.shared.state).now.clone()
     }
 
     /// The result, once; `None` before and after.
     pub fn take(&self) -> Option<OpeningEnd> {
-        self.shared.state().end.take()
-    }
-
-    /// Whether opening has ended.
-    pub fn is_over(&self) -> bool {
-        self.shared.state().is_over
+        lock(&self.shared.state).end.take()
     }
 
     /// Requests a cancel: opening soon ends with [`OpeningEnd::Cancelled`], or with success if it was about to end.
     pub fn cancel(&self) {
         self.cancel.cancel();
-    }
-
-    /// Cancels and joins the thread, before the process ends.
-    pub fn cancel_and_wait(mut self) {
-        self.cancel();
-        if let Some(thread) = self.thread.take() {
-            // Panics of the thread have been caught.
-            let _ = thread.join();
-        }
     }
 }
 
@@ -191,13 +173,9 @@ impl Drop for Opening {
 }
 
 impl Shared {
-    fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Changes the progress, and wakes the window if the last wake-up was long ago or this is `urgent`.
     fn change(&self, urgent: bool, change: impl FnOnce(&mut State)) {
-        let mut state = self.state();
+        let mut state = lock(&self.state);
         change(&mut state);
         let is_due = urgent || state.woken.is_none_or(|woken| woken.elapsed() >= WAKE_PAUSE);
         if is_due {
@@ -213,7 +191,7 @@ impl Shared {
     fn stage(&self, stage: String, fraction: f64) {
         self.change(true, |state| {
             let fraction = state.now.fraction.max(fraction);
-            state.now = OpeningProgress { stage, done: 0, total: 0, unit: String::new(), fraction, left: None };
+            state.now = OpeningProgress { stage, fraction, ..Default::default() };
         });
     }
 
@@ -221,17 +199,16 @@ impl Shared {
         self.change(true, |state| {
             state.now = OpeningProgress { fraction: 1.0, left: None, done: state.now.total, ..state.now.clone() };
             state.end = Some(end);
-            state.is_over = true;
         });
     }
 }
 
 impl Progress for Shared {
-    fn begin(&self, stage: &str, total: u64, unit: &str) {
+    fn begin(&self, _stage: &str, total: u64, unit: &str) {
         self.change(true, |state| {
             let fraction = state.now.fraction.max(STEPS_SHARE[0]);
-            let (stage, unit) = (stage.to_owned(), unit.to_owned());
-            state.now = OpeningProgress { stage, done: 0, total, unit, fraction, left: None };
+            let (stage, unit) = (format!("importing {}", self.name), unit.to_owned());
+            state.now = OpeningProgress { stage, total, unit, fraction, ..Default::default() };
             state.steps_begun = Some(Instant::now());
         });
     }
@@ -263,54 +240,27 @@ fn open(paths: &[PathBuf], options: &OpeningOptions, shared: &Shared, cancel: &C
             if e.kind() == std::io::ErrorKind::NotFound { error.remedy("was it moved or renamed?") } else { error }
         })?;
     }
-    let name = name_of(paths);
+    let name = &shared.name;
     let mut announce = |event: CacheEvent<'_>| match event {
         CacheEvent::Waiting(_) => shared.stage(format!("waiting for another import of {name}"), 0.0),
         CacheEvent::Importing(_) => shared.stage(format!("reading the mesh of {name}"), 0.0),
     };
-    let progress = Named { shared, name: &name };
-    let (store, origin) = options.cache.open_or_import(paths, &mut announce, &progress, cancel)?;
-    cancelled(cancel)?;
+    let (store, origin) = options.cache.open_or_import(paths, &mut announce, shared, cancel)?;
+    if cancel.is_cancelled() {
+        return Err(IngestError::Cancelled.into());
+    }
     shared.stage(format!("reading the mesh of {name}"), STEPS_SHARE[1]);
     let blocks = Arc::new(BlockCache::new(options.block_bytes));
     let series = Series::open_with(&store, options.field.as_ref(), blocks)?;
     // Computed here, so that the window need not wait. Steps that cannot be read are reported when shown.
     let _ = series.distribution(cancel);
-    cancelled(cancel)?;
     let path = match paths {
         [path] => path,
         _ => store.path(),
     };
     let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    Ok(Opened { store: Arc::new(store), series: Arc::new(series), path, name, origin })
-}
-
-fn cancelled(cancel: &Cancel) -> Result<(), CacheError> {
-    if cancel.is_cancelled() { Err(crate::ingest::IngestError::Cancelled.into()) } else { Ok(()) }
-}
-
-/// Progress of an import, with the source's name.
-struct Named<'a> {
-    shared: &'a Shared,
-    name: &'a str,
-}
-
-impl Progress for Named<'_> {
-    fn begin(&self, _stage: &str, total: u64, unit: &str) {
-        self.shared.begin(&format!("importing {}", self.name), total, unit);
-    }
-
-    fn advance(&self, n: u64) {
-        self.shared.advance(n);
-    }
-
-    fn end(&self) {
-        self.shared.end();
-    }
-
-    fn say(&self, line: &str) {
-        self.shared.say(line);
-    }
+    let (store, series, name) = (Arc::new(store), Arc::new(series), name.clone());
+    Ok(Opened { store, series, path, name, origin })
 }
 
 /// Name of these files for the user.

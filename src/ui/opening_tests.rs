@@ -41,7 +41,7 @@ impl Place {
             let end = opening.take();
             seen.push(opening.progress());
             if let Some(end) = end {
-                assert!(opening.is_over() && opening.take().is_none(), "the end is handed over once");
+                assert!(opening.progress().fraction == 1.0 && opening.take().is_none(), "the end is handed over once");
                 return (end, seen);
             }
         }
@@ -112,7 +112,7 @@ fn cancelling_in_the_middle_of_an_import_leaves_nothing() {
     let (inner, outer) = (cell.clone(), place.wake.clone());
     let wake: Wake = Arc::new(move || {
         let (shared, cancel) = inner.wait();
-        let is_in_steps = shared.state().now.total > 0;
+        let is_in_steps = lock(&shared.state).now.total > 0;
         if is_in_steps {
             cancel.cancel();
         }
@@ -124,16 +124,18 @@ fn cancelling_in_the_middle_of_an_import_leaves_nothing() {
     assert!(matches!(end, OpeningEnd::Cancelled), "{end:?}");
     assert_never_back(&seen);
     assert!(place.dir.path().join("cache").is_dir() && place.cached() == 0, "it had begun, and left nothing");
-    place.start(&[shipped()]).cancel_and_wait();
+    let opening = place.start(&[shipped()]);
+    opening.cancel();
+    assert!(matches!(place.watch(&opening).0, OpeningEnd::Cancelled));
     assert_eq!(place.cached(), 0);
     let shared = {
         let opening = place.start(&[shipped()]);
         opening.shared.clone()
     };
-    while !shared.state().is_over {
+    while lock(&shared.state).end.is_none() {
         place.woken.recv_timeout(LONG).unwrap();
     }
-    assert!(matches!(shared.state().end, Some(OpeningEnd::Cancelled)), "dropped");
+    assert!(matches!(lock(&shared.state).end, Some(OpeningEnd::Cancelled)), "dropped");
     assert_eq!(place.cached(), 0);
 }
 

@@ -7,7 +7,6 @@ use crate::playback::{Mode, State};
 const SHORT_OF: f64 = 0.9;
 
 /// A message if playback cannot keep up: in [`Mode::RealTime`] steps are dropped, in [`Mode::EveryStep`] it is slower.
-/// [`Mode::EveryStep`] it is slower.
 pub fn shortfall(state: &State) -> Option<String> {
     let shown = state.frames_per_second.filter(|_| state.playing)?;
     match state.settings.mode {

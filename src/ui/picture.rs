@@ -1,14 +1,13 @@
 //! Converts raw accumulators to pixels of the screen, on a thread of its own.
 
 use crate::pipeline::SharedFrame;
+use crate::render::Frame;
 use crossbeam::channel::{Receiver, Sender, bounded};
 use std::io;
 
 /// The colours of `pixels` (premultiplied accumulators) over an opaque background, as 8-bit RGBA. Rounded as by
 /// [`write_png`](crate::image::write_png), except that values within an f32 rounding error of half a unit may be rounded up: exact rounding
 /// would take four times as long.
-/// [`write_png`](crate::image::write_png) rounds them, but that what is within a rounding of f32 of half a unit may be
-/// rounded up: rounding in the letter would take four times as long.
 pub fn over_background(pixels: &[[f32; 4]], background: [f32; 3]) -> Vec<[u8; 4]> {
     let over = |&[r, g, b, a]: &[f32; 4]| {
         let rest = 1.0 - a;
@@ -29,7 +28,7 @@ pub struct Picture {
 
 impl Picture {
     /// The picture of a frame.
-    pub fn of(frame: &SharedFrame, background: [f32; 3]) -> Self {
+    pub fn of(frame: &Frame, background: [f32; 3]) -> Self {
         let color = &frame.planes.color;
         Self { size: [color.width, color.height], pixels: over_background(&color.pixels, background) }
     }
@@ -40,24 +39,24 @@ type Job<N> = (N, SharedFrame, [f32; 3]);
 
 /// Makes pictures of frames; of pending ones, only the newest. A name `N` identifies each.
 #[derive(Debug)]
-pub struct PictureMaker<N, T> {
+pub struct PictureMaker<N> {
     to: Sender<Job<N>>,
     waiting: Receiver<Job<N>>,
-    done: Receiver<(N, T)>,
+    done: Receiver<(N, Picture)>,
 }
 
-impl<N: Send + 'static, T: Send + 'static> PictureMaker<N, T> {
-    /// Starts the thread, which ends with its maker. `form` converts a picture to the result; `made` is called when there is one to take.
+impl<N: Send + 'static> PictureMaker<N> {
+    /// Starts the thread, which ends with its maker. `made` is called when there is a picture to take.
     ///
     /// # Errors
     /// If the system gives no thread.
-    pub fn start(form: impl Fn(Picture) -> T + Send + 'static, made: impl Fn() + Send + 'static) -> io::Result<Self> {
+    pub fn start(made: impl Fn() + Send + 'static) -> io::Result<Self> {
         let (to, waiting) = bounded::<Job<N>>(1);
         let (to_owner, done) = bounded(1);
         let (jobs, stale) = (waiting.clone(), done.clone());
         std::thread::Builder::new().name("picture".to_owned()).spawn(move || {
             while let Ok((name, frame, background)) = jobs.recv() {
-                send_newest(&to_owner, &stale, (name, form(Picture::of(&frame, background))));
+                send_newest(&to_owner, &stale, (name, Picture::of(&frame, background)));
                 drop(frame);
                 made();
             }
@@ -71,7 +70,7 @@ impl<N: Send + 'static, T: Send + 'static> PictureMaker<N, T> {
     }
 
     /// The newest picture not taken yet.
-    pub fn take(&self) -> Option<(N, T)> {
+    pub fn take(&self) -> Option<(N, Picture)> {
         self.done.try_recv().ok()
     }
 }

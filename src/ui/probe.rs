@@ -1,11 +1,10 @@
 //! The point under the mouse, and its value over the series: on threads of its own.
 
-use super::worker::{BLOCK_BYTES, Slot, Worker};
+use super::worker::{BLOCK_BYTES, SeriesPipeline, Slot, Worker};
 use crate::pipeline::{Backend, FrameRequest, Pipeline, PipelineError, Series, TetDraw};
 use crate::render::probe::{Probe, interpolate, probe};
 use crate::task::Cancel;
 use crate::visibility::Skip;
-use std::fmt;
 use std::io;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -30,16 +29,8 @@ pub struct Hover {
     pub found: Result<Option<Probe>, String>,
 }
 
-/// A point of the mesh.
-#[derive(Clone, Debug)]
-struct Pick {
-    series: Arc<Series>,
-    cell: u32,
-    weights: [f64; 4],
-}
-
 /// The scalar of a point at every step of a series, as far as read.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct Curve {
     /// The series.
     pub series: Arc<Series>,
@@ -59,13 +50,6 @@ pub struct Curve {
     pub is_over: bool,
 }
 
-impl fmt::Debug for Curve {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { cell, weights, done, failed, problem, .. } = self;
-        write!(f, "Curve of cell {cell} at {weights:?}, {done} steps, {failed} failed: {problem:?}")
-    }
-}
-
 /// Interval between snapshots of a growing curve.
 const SHOWN_EVERY: Duration = Duration::from_millis(50);
 
@@ -73,7 +57,8 @@ const SHOWN_EVERY: Duration = Duration::from_millis(50);
 pub struct Prober {
     hovers: Worker<HoverRequest>,
     hover: Arc<Slot<Hover>>,
-    picks: Worker<Pick>,
+    /// Jobs are curves without values.
+    picks: Worker<Curve>,
     curve: Arc<Slot<Arc<Curve>>>,
 }
 
@@ -84,42 +69,21 @@ impl Prober {
     /// If the system gives no thread.
     pub fn start(wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
         let (hover, curve) = (Arc::<Slot<Hover>>::default(), Arc::<Slot<Arc<Curve>>>::default());
-        let answer = {
-            let (hover, wake) = (hover.clone(), wake.clone());
-            move |asked, found, cancel: &Cancel| {
-                hover.put(Hover { asked, found }, cancel);
-                wake();
-            }
-        };
-        let hovers = {
-            let failed = answer.clone();
-            let begin = move || {
-                let (answer, mut finder) = (answer.clone(), Finder::default());
-                move |asked: HoverRequest, cancel: &Cancel| match finder.find(&asked, cancel) {
-                    Err(PipelineError::Cancelled) => (),
-                    found => answer(asked, found.map_err(|error| error.to_string()), cancel),
-                }
+        let answer = |pipeline: &mut SeriesPipeline, asked: HoverRequest, cancel: &Cancel, put: &dyn Fn(Hover)| {
+            let found = match find(pipeline.of(&asked.series), &asked, cancel) {
+                Err(PipelineError::Cancelled) => return,
+                found => found.map_err(|error| error.to_string()),
             };
-            Worker::start("probe", begin, move |asked, cancel, text| failed(asked, Err(text), cancel))?
+            put(Hover { asked, found });
         };
-        let show = {
-            let curve = curve.clone();
-            move |shown: Curve, cancel: &Cancel| {
-                curve.put(Arc::new(shown), cancel);
-                wake();
-            }
-        };
-        let picks = {
-            let (failed, curve) = (show.clone(), curve.clone());
-            let begin = move || {
-                let show = show.clone();
-                move |pick: Pick, cancel: &Cancel| Curve::of(&pick).follow(cancel, &mut |curve| show(curve, cancel))
-            };
-            Worker::start("curve", begin, move |pick, cancel, text| {
-                let known = curve.get().map_or_else(|| Curve::of(&pick), |known| (*known).clone());
-                failed(Curve { problem: Some(text), is_over: true, ..known }, cancel);
-            })?
-        };
+        let failed = |asked, text| Hover { asked, found: Err(text) };
+        let hovers = Worker::start("probe", hover.filler(wake.clone()), answer, failed)?;
+        let follow = |(): &mut (), curve: Curve, cancel: &Cancel, show: &dyn Fn(Arc<Curve>)| curve.follow(cancel, show);
+        let known = curve.clone();
+        let picks = Worker::start("curve", curve.filler(wake), follow, move |empty, text| {
+            let known = known.get().map_or(empty, Arc::unwrap_or_clone);
+            Arc::new(Curve { problem: Some(text), is_over: true, ..known })
+        })?;
         Ok(Self { hovers, hover, picks, curve })
     }
 
@@ -144,7 +108,8 @@ impl Prober {
     /// weights of its vertices, as in a [`Probe`].
     pub fn pick(&self, series: Arc<Series>, cell: u32, weights: [f64; 4]) {
         self.forget_pick();
-        self.picks.give(Pick { series, cell, weights });
+        let values = vec![f32::NAN; series.times().len()];
+        self.picks.give(Curve { series, cell, weights, values, done: 0, failed: 0, problem: None, is_over: false });
     }
 
     /// Drops the curve.
@@ -159,46 +124,29 @@ impl Prober {
     }
 }
 
-/// Finds points, and caches data of the last frames.
-#[derive(Default)]
-struct Finder {
-    pipeline: Option<(Arc<Series>, Pipeline)>,
-}
-
-impl Finder {
-    fn find(&mut self, asked: &HoverRequest, cancel: &Cancel) -> Result<Option<Probe>, PipelineError> {
-        let of_series = self.pipeline.take().filter(|(series, _)| Arc::ptr_eq(series, &asked.series));
-        let new = || (asked.series.clone(), Pipeline::new(asked.series.apart(BLOCK_BYTES)));
-        let (_, pipeline) = self.pipeline.insert(of_series.unwrap_or_else(new));
-        // The scalars are needed on the CPU, and every cell is: the point under the mouse may be transparent.
-        let skip = Skip { transparent_cells: false, transparent_chunks: false, ..asked.request.skip };
-        let request = asked.request.clone().with_draw(TetDraw::Raycast);
-        let request = FrameRequest { backend: Backend::Cpu, skip, ..request };
-        let job = pipeline.prepare_unless(&request, cancel)?;
-        let domain = asked.request.tets().map_or(&[][..], |tets| &tets.domain);
-        Ok(probe(&job, domain, asked.at_px)?)
-    }
+/// Finds the point at a position in a frame.
+fn find(pipeline: &mut Pipeline, asked: &HoverRequest, cancel: &Cancel) -> Result<Option<Probe>, PipelineError> {
+    // The scalars are needed on the CPU, and every cell is: the point under the mouse may be transparent.
+    let skip = Skip { transparent_cells: false, transparent_chunks: false, ..asked.request.skip };
+    let request = asked.request.clone().with_draw(TetDraw::Raycast);
+    let request = FrameRequest { backend: Backend::Cpu, skip, ..request };
+    let job = pipeline.prepare_unless(&request, cancel)?;
+    let domain = asked.request.tets().map_or(&[][..], |tets| &tets.domain);
+    Ok(probe(&job, domain, asked.at_px)?)
 }
 
 impl Curve {
-    /// A curve without values.
-    fn of(pick: &Pick) -> Self {
-        let Pick { series, cell, weights } = pick.clone();
-        let values = vec![f32::NAN; series.times().len()];
-        Self { series, cell, weights, values, done: 0, failed: 0, problem: None, is_over: false }
-    }
-
     /// Reads the point's value step by step, and calls `show` with snapshots.
-    fn follow(mut self, cancel: &Cancel, show: &mut dyn FnMut(Self)) {
+    fn follow(mut self, cancel: &Cancel, show: &dyn Fn(Arc<Self>)) {
         let series = self.series.apart(BLOCK_BYTES);
         let Some(&tet) = series.mesh().topology.tets.get(self.cell as usize) else {
             self.problem = Some(format!("there is no cell {}", self.cell));
             self.is_over = true;
-            return show(self);
+            return show(Arc::new(self));
         };
         let mut scalars = vec![0.0; series.vertices()];
         let mut shown = Instant::now();
-        show(self.clone());
+        show(Arc::new(self.clone()));
         while self.done < self.values.len() {
             match series.decode_step(self.done, &mut scalars, cancel) {
                 Ok(true) => {
@@ -213,12 +161,12 @@ impl Curve {
             }
             self.done += 1;
             if shown.elapsed() >= SHOWN_EVERY && self.done < self.values.len() {
-                show(self.clone());
+                show(Arc::new(self.clone()));
                 shown = Instant::now();
             }
         }
         self.is_over = true;
-        show(self);
+        show(Arc::new(self));
     }
 }
 

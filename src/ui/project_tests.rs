@@ -1,6 +1,6 @@
 //! Sessions with a project.
 
-use super::keys::{self, Key};
+use super::keys;
 use super::picture::over_background;
 use super::session_tests::{Desk, store};
 use super::worker::tests::wait_for;
@@ -91,7 +91,7 @@ fn table_of(series: &Arc<Series>, project: &Project, name: &str) -> TransferTabl
 }
 
 fn press(desk: &mut Desk, key: char) {
-    desk.act(keys::action(Key::Char(key), false).unwrap());
+    desk.act(keys::action(&key.to_string(), false).unwrap());
     desk.later(1000);
     desk.settle();
 }
@@ -309,7 +309,7 @@ fn without_a_project_its_keys_do_nothing() {
     desk.settle();
     let look = desk.session.look().clone();
     for key in ['0', '1', 'C'] {
-        desk.act(keys::action(Key::Char(key), false).unwrap());
+        desk.act(keys::action(&key.to_string(), false).unwrap());
         assert_eq!(desk.settle(), 0, "{key}");
     }
     assert_eq!(*desk.session.look(), look);

@@ -1,6 +1,6 @@
 //! Evaluates a project at times of a series, off the thread of the window.
 
-use super::worker::{BLOCK_BYTES, Worker};
+use super::worker::{BLOCK_BYTES, Worker, lock};
 use crate::look::{EnsembleChoice, Keyed, Look};
 use crate::pipeline::{FrameTime, Series};
 use crate::project::{Animation, Project};
@@ -8,7 +8,7 @@ use crate::task::Cancel;
 use crate::transfer::{Lengths, OpacityKind};
 use std::collections::VecDeque;
 use std::io;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::Duration;
 
 /// How long the window's thread may block for a table: one of a few members takes less, and is then shown in the same pass. Longer would be
@@ -95,12 +95,6 @@ struct Shared {
     filled: Condvar,
 }
 
-impl Shared {
-    fn lock(&self) -> MutexGuard<'_, Shelf> {
-        self.shelf.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
 /// Evaluates a project at times of a series.
 pub(super) struct ProjectWorker {
     project: Arc<Project>,
@@ -121,12 +115,12 @@ impl ProjectWorker {
         let shared = Arc::new(Shared::default());
         let put = {
             let shared = shared.clone();
-            move |job, made, cancel: &Cancel| {
-                let mut shelf = shared.lock();
+            move |made, cancel: &Cancel| {
+                let mut shelf = lock(&shared.shelf);
                 if cancel.is_cancelled() {
                     return;
                 }
-                shelf.made.push((job, made));
+                shelf.made.push(made);
                 let is_awaited = shelf.is_awaited;
                 drop(shelf);
                 shared.filled.notify_all();
@@ -135,15 +129,11 @@ impl ProjectWorker {
                 }
             }
         };
-        let failed = put.clone();
-        let begin = move || {
-            let (put, mut animation) = (put.clone(), None);
-            move |job: Job, cancel: &Cancel| {
-                let made = work_out(&mut animation, &job, cancel);
-                put(job, made, cancel);
-            }
+        let work = |last: &mut _, job: Job, cancel: &Cancel, put: &dyn Fn((Job, Made))| {
+            let made = work_out(last, &job, cancel);
+            put((job, made));
         };
-        let worker = Worker::start("project", begin, move |job, cancel, text| failed(job, Err(text), cancel))?;
+        let worker = Worker::start("project", put, work, |job, text| (job, Err(text)))?;
         Ok(Self { project, worker, shared, subject: None, kept: VecDeque::new(), wanted: None })
     }
 
@@ -167,10 +157,10 @@ impl ProjectWorker {
         if self.wanted != Some(time) {
             self.wanted = Some(time);
             let job = Job { subject, time };
-            self.shared.lock().is_awaited = true;
+            lock(&self.shared.shelf).is_awaited = true;
             self.worker.give(job.clone());
             let is_missing = |shelf: &mut Shelf| !shelf.made.iter().any(|(made, _)| made.is(&job));
-            let waited = self.shared.filled.wait_timeout_while(self.shared.lock(), PATIENCE, is_missing);
+            let waited = self.shared.filled.wait_timeout_while(lock(&self.shared.shelf), PATIENCE, is_missing);
             waited.unwrap_or_else(PoisonError::into_inner).0.is_awaited = false;
             self.collect();
         }
@@ -195,7 +185,7 @@ impl ProjectWorker {
     /// Takes finished results.
     pub(super) fn collect(&mut self) {
         let Some(subject) = &self.subject else { return };
-        let made = std::mem::take(&mut self.shared.lock().made);
+        let made = std::mem::take(&mut lock(&self.shared.shelf).made);
         for (job, made) in made.into_iter().filter(|(job, _)| Arc::ptr_eq(&job.subject, subject)) {
             if self.wanted == Some(job.time) {
                 self.wanted = None;

@@ -7,7 +7,6 @@ use crate::look::{Colors, Keyed, Look, mapped_range};
 use crate::node_table::NodeTable;
 use crate::pipeline::{FaceDetail, FrameRequest, FrameTime, Series, TetDraw};
 use crate::playback::quality::Quality;
-use crate::project::Project;
 use crate::render::Contrast;
 use crate::transfer::{MappedRange, TransferError};
 use std::convert::Infallible;
@@ -20,7 +19,7 @@ const TABLES_KEPT: usize = 4;
 #[derive(Default)]
 pub(super) struct Requests {
     /// The project, if there is one.
-    project: Option<ProjectWorker>,
+    pub(super) project: Option<ProjectWorker>,
     /// The look that the tables are for.
     tables_of: Option<Look>,
     tables: Vec<(MappedRange, Colors)>,
@@ -38,23 +37,6 @@ impl Requests {
     /// Requests with a project, which overrides looks.
     pub(super) fn of(project: Option<ProjectWorker>) -> Self {
         Self { project, ..Self::default() }
-    }
-
-    /// The project.
-    pub(super) fn project(&self) -> Option<&Arc<Project>> {
-        self.project.as_ref().map(ProjectWorker::project)
-    }
-
-    /// Whether a result of the project is pending.
-    pub(super) fn is_waiting(&self) -> bool {
-        self.project.as_ref().is_some_and(ProjectWorker::is_waiting)
-    }
-
-    /// Takes finished results of the project.
-    pub(super) fn collect(&mut self) {
-        if let Some(project) = &mut self.project {
-            project.collect();
-        }
     }
 
     /// The request for a time; `None`: the project's settings are pending. `size` is that of an image in full, `choose` returns the

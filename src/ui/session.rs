@@ -138,8 +138,8 @@ impl Session {
         let SessionOptions { store, look, camera_is_chosen, background, image_scale, .. } = options;
         let SessionOptions { target_fps, family, screenshot_folder, project, .. } = options;
         let requests = || -> io::Result<Requests> {
-            let worker = project.clone().map(|project| ProjectWorker::start(project, wake.clone()));
-            Ok(Requests::of(worker.transpose()?))
+            let project = project.clone().map(|project| ProjectWorker::start(project, wake.clone())).transpose()?;
+            Ok(Requests::of(project))
         };
         Ok(Self {
             player,
@@ -204,7 +204,7 @@ impl Session {
 
     /// The project, which overrides the look over time.
     pub fn project(&self) -> Option<&Arc<Project>> {
-        self.requests.project()
+        self.requests.project.as_ref().map(ProjectWorker::project)
     }
 
     /// Whether colours come from ensembles of the project.
@@ -227,7 +227,7 @@ impl Session {
 
     /// Whether a result of the project is pending.
     pub fn is_working_out(&self) -> bool {
-        self.requests.is_waiting()
+        self.requests.project.as_ref().is_some_and(ProjectWorker::is_waiting)
     }
 
     /// Display-referred colour behind the volume.
@@ -247,7 +247,7 @@ impl Session {
 
     /// Whether a frame is pending.
     pub fn is_waiting(&self) -> bool {
-        self.player.pipelined().wanted() > 0 || self.requests.is_waiting()
+        self.player.pipelined().wanted() > 0 || self.is_working_out()
     }
 
     /// Number of shown frames that came from the cache.

@@ -363,40 +363,39 @@ fn keys_play_the_series() {
         desk.act(action);
         desk.settle();
     };
-    use keys::Key;
-    press(&mut desk, Key::Right, false);
-    press(&mut desk, Key::Right, true);
+    press(&mut desk, "Right", false);
+    press(&mut desk, "Right", true);
     assert_eq!((desk.step(), desk.shown().request.time), (11, FrameTime::from(11)));
-    press(&mut desk, Key::Left, false);
+    press(&mut desk, "Left", false);
     assert_eq!(desk.step(), 10);
-    press(&mut desk, Key::End, false);
+    press(&mut desk, "End", false);
     assert_eq!(desk.step(), 29);
-    press(&mut desk, Key::Home, false);
+    press(&mut desk, "Home", false);
     assert_eq!(desk.step(), 0);
-    press(&mut desk, Key::Char(']'), false);
-    press(&mut desk, Key::Char(']'), false);
+    press(&mut desk, "]", false);
+    press(&mut desk, "]", false);
     // Two factors that are not powers of two. Measured: 7.1e-15, a unit of the last place.
     assert!((desk.session.state().speed.unwrap() - 50.0).abs() < 5e-14);
-    press(&mut desk, Key::Char('['), false);
+    press(&mut desk, "[", false);
     let settings = |desk: &Desk| desk.session.state().settings;
     let loops: Vec<Loop> = (0..3)
         .map(|_| {
-            press(&mut desk, Key::Char('L'), false);
+            press(&mut desk, "L", false);
             settings(&desk).repeat
         })
         .collect();
     assert_eq!(loops, [Loop::All, Loop::Range, Loop::Off]);
-    press(&mut desk, Key::Char('P'), false);
+    press(&mut desk, "P", false);
     assert_eq!(settings(&desk).repeat, Loop::PingPong);
-    press(&mut desk, Key::Char('P'), false);
+    press(&mut desk, "P", false);
     assert_eq!(settings(&desk).repeat, Loop::Off);
-    press(&mut desk, Key::Char('A'), false);
+    press(&mut desk, "A", false);
     assert_eq!(settings(&desk).mode, Mode::RealTime);
-    press(&mut desk, Key::Char('A'), false);
+    press(&mut desk, "A", false);
     assert_eq!(settings(&desk).mode, Mode::EveryStep);
-    press(&mut desk, Key::Char('B'), false);
+    press(&mut desk, "B", false);
     assert_eq!(settings(&desk).direction, Direction::Backward);
-    press(&mut desk, Key::Char('?'), false);
+    press(&mut desk, "?", false);
     assert!(desk.session.help_is_open());
 }
 

@@ -44,13 +44,6 @@ pub struct RecentFile {
     pub opened_ms: u64,
 }
 
-impl RecentFile {
-    /// Whether the file still exists; accesses the file system.
-    pub fn exists(&self) -> bool {
-        self.path.exists()
-    }
-}
-
 /// Look of a store when it was closed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SavedLook {
@@ -132,11 +125,6 @@ impl Settings {
         let newest = self.recent.iter().map(|file| file.opened_ms).max().map_or(0, |ms| ms.saturating_add(1));
         self.recent.insert(0, RecentFile { path, opened_ms: now_ms().max(newest) });
         *self = std::mem::take(self).within_bounds();
-    }
-
-    /// Removes a file from the recent ones.
-    pub fn forget_file(&mut self, path: &Path) {
-        self.recent.retain(|file| file.path != path);
     }
 
     /// Saves the look of a field of a store or source.
@@ -222,7 +210,7 @@ fn now_ms() -> u64 {
 }
 
 /// The settings file. Reading and writing access the disk: not for the thread of a window.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct SettingsFile {
     folder: Option<PathBuf>,
     /// Recent files in the file when last read or written here: those missing since were removed by the user.
@@ -237,21 +225,17 @@ impl SettingsFile {
     /// The user's file: in `$TETREEL_CONFIG`, else `$XDG_CONFIG_HOME/tetreel`, else `~/.config/tetreel` (on macOS `~/Library/Application
     /// Support/tetreel`, on Windows `%APPDATA%\tetreel`).
     pub fn of_user() -> Self {
-        Self::new(folder_from(std::env::consts::OS, |name| std::env::var_os(name)))
+        Self { folder: folder_from(std::env::consts::OS, |name| std::env::var_os(name)), ..Self::default() }
     }
 
     /// No file: nothing is kept or reported.
     pub fn nowhere() -> Self {
-        Self { is_frozen: true, ..Self::new(None) }
+        Self { is_frozen: true, ..Self::default() }
     }
 
     /// The file in this folder, which is created at the first write.
     pub fn at(folder: impl Into<PathBuf>) -> Self {
-        Self::new(Some(folder.into()))
-    }
-
-    fn new(folder: Option<PathBuf>) -> Self {
-        Self { folder, known: Vec::new(), complaints: Vec::new(), is_frozen: false }
+        Self { folder: Some(folder.into()), ..Self::default() }
     }
 
     /// Path of the file, which may not exist yet; `None` without a folder.

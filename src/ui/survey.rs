@@ -4,7 +4,7 @@
 //! to fine, so that an overview of the series comes early: the first [`COARSE`] steps in bit-reversed order, the others a block of the
 //! codec at a time, blocks in bit-reversed order. At most [`MOST_STEPS`] steps are read, evenly over the series.
 
-use super::worker::{BLOCK_BYTES, Slot, Worker};
+use super::worker::{BLOCK_BYTES, Slot, Worker, lock};
 use crate::moments::{AxisScale, Bins, Histogram1d, StepSummary};
 use crate::pipeline::Series;
 use crate::task::Cancel;
@@ -97,28 +97,19 @@ impl Survey {
     pub fn start(series: Arc<Series>, wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
         let (gate, slot) = (Arc::<Gate>::default(), Arc::<Slot<Arc<Surveyed>>>::default());
         let at_begin = Arc::new(Surveyed::begin(&series));
-        let show = {
-            let slot = slot.clone();
-            move |shown: Surveyed, cancel: &Cancel| {
-                slot.put(Arc::new(shown), cancel);
-                wake();
-            }
+        let (of_thread, known) = (gate.clone(), slot.clone());
+        let work = move |(): &mut (), series: Arc<Series>, cancel: &Cancel, show: &dyn Fn(Arc<Surveyed>)| {
+            look(&series, &of_thread, cancel, show);
         };
-        let (of_thread, known, failed) = (gate.clone(), slot.clone(), show.clone());
-        let begin = move || {
-            let (gate, show) = (of_thread.clone(), show.clone());
-            move |series: Arc<Series>, cancel: &Cancel| look(&series, &gate, cancel, &mut |s| show(s, cancel))
-        };
-        let worker = Worker::start("survey", begin, move |series, cancel, text| {
-            let known = known.get().map_or_else(|| Surveyed::begin(&series), |known| (*known).clone());
-            failed(Surveyed { problem: Some(text), is_over: true, ..known }, cancel);
+        let worker = Worker::start("survey", slot.filler(wake), work, move |series, text| {
+            let known = known.get().map_or_else(|| Surveyed::begin(&series), Arc::unwrap_or_clone);
+            Arc::new(Surveyed { problem: Some(text), is_over: true, ..known })
         })?;
         worker.give(series);
         Ok(Self { worker, gate, at_begin, slot })
     }
 
     /// Statistics so far: at first no step. The ranges of all steps are in
-    /// [`StoredField::range_per_step`](crate::store::StoredField::range_per_step) at once. Cheap.
     /// [`StoredField::range_per_step`](crate::store::StoredField::range_per_step) at once. Cheap.
     pub fn snapshot(&self) -> Arc<Surveyed> {
         self.slot.get().unwrap_or_else(|| self.at_begin.clone())
@@ -147,18 +138,18 @@ struct Gate {
 
 impl Gate {
     fn set(&self, is_closed: bool) {
-        *self.is_closed.lock().unwrap_or_else(PoisonError::into_inner) = is_closed;
+        *lock(&self.is_closed) = is_closed;
         self.opened.notify_all();
     }
 
     fn pass(&self) {
-        let closed = self.is_closed.lock().unwrap_or_else(PoisonError::into_inner);
+        let closed = lock(&self.is_closed);
         drop(self.opened.wait_while(closed, |is_closed| *is_closed).unwrap_or_else(PoisonError::into_inner));
     }
 }
 
 /// Reads the steps of a series one after the other, and calls `show` with snapshots.
-fn look(series: &Arc<Series>, gate: &Gate, cancel: &Cancel, show: &mut dyn FnMut(Surveyed)) {
+fn look(series: &Arc<Series>, gate: &Gate, cancel: &Cancel, show: &dyn Fn(Arc<Surveyed>)) {
     let apart = series.apart(BLOCK_BYTES);
     let mut known = Surveyed::begin(series);
     let mut values = vec![0.0; series.vertices()];
@@ -179,12 +170,12 @@ fn look(series: &Arc<Series>, gate: &Gate, cancel: &Cancel, show: &mut dyn FnMut
         }
         known.done += 1;
         if known.done < known.total && shown.is_none_or(|at| at.elapsed() >= SHOWN_EVERY) {
-            show(known.clone());
+            show(Arc::new(known.clone()));
             shown = Some(Instant::now());
         }
     }
     known.is_over = true;
-    show(known);
+    show(Arc::new(known));
 }
 
 /// The numbers below `count` in bit-reversed order, so that every prefix is spread over all.

@@ -1,11 +1,11 @@
 //! Thumbnails of steps, for hovering over the timeline: rendered on a thread of their own.
 
-use super::picture::{Picture, over_background};
-use super::worker::{BLOCK_BYTES, Worker};
-use crate::pipeline::{Backend, FrameRequest, FrameTime, Pipeline, PipelineError, Series, TetDraw};
+use super::picture::Picture;
+use super::worker::{SeriesPipeline, Worker, lock};
+use crate::pipeline::{Backend, FrameRequest, FrameTime, PipelineError, Series, TetDraw};
 use crate::task::Cancel;
 use std::io;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// Default width of thumbnails, pixels.
 pub const WIDTH_PX: usize = 160;
@@ -39,46 +39,38 @@ struct Kept {
 }
 
 /// A thumbnail, or why there is none.
+pub type Outcome = Result<Arc<Picture>, String>;
+
+/// What was made of a job.
 struct Made {
     time: FrameTime,
-    picture: Result<Arc<Picture>, String>,
+    picture: Outcome,
     /// Time of the last use, counted in uses.
     used: u64,
 }
 
 impl Thumbnails {
     /// Starts the thread, which ends with its owner. `wake` is called when there is another thumbnail. Thumbnails fit into a square of
-    /// [`WIDTH_PX`].
+    /// this width in pixels.
     ///
     /// # Errors
     /// If the system gives no thread.
-    pub fn start(wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
-        Self::with_width(WIDTH_PX, wake)
-    }
-
-    /// Like [`Self::start`], with another width in pixels.
-    ///
-    /// # Errors
-    /// As [`Self::start`].
-    pub fn with_width(width_px: usize, wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
+    pub fn start(width_px: usize, wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
         let kept: Arc<Mutex<Kept>> = Arc::default();
-        let put = {
-            let kept = kept.clone();
-            move |time, picture, cancel: &Cancel| {
-                lock(&kept).put(time, picture, cancel);
-                wake();
-            }
+        let of_thread = kept.clone();
+        let put = move |(time, picture), cancel: &Cancel| {
+            lock(&of_thread).put(time, picture, cancel);
+            wake();
         };
-        let failed = put.clone();
-        let begin = move || {
-            let (put, mut pipeline) = (put.clone(), None);
-            move |job: Job, cancel: &Cancel| match render(&mut pipeline, &job, cancel) {
-                Err(PipelineError::Cancelled) => (),
-                made => put(job.request.time, made.map(Arc::new).map_err(|e| e.to_string()), cancel),
-            }
+        let work = |pipeline: &mut SeriesPipeline, job: Job, cancel: &Cancel, put: &dyn Fn((FrameTime, Outcome))| {
+            let outcome = match pipeline.of(&job.series).render_unless(&job.request, cancel) {
+                Ok(frame) => Ok(Arc::new(Picture::of(frame, job.background))),
+                Err(PipelineError::Cancelled) => return,
+                Err(error) => Err(error.to_string()),
+            };
+            put((job.request.time, outcome));
         };
-        let worker =
-            Worker::start("thumbnails", begin, move |job, cancel, text| failed(job.request.time, Err(text), cancel))?;
+        let worker = Worker::start("thumbnails", put, work, |job, text| (job.request.time, Err(text)))?;
         Ok(Self { width_px, worker, kept })
     }
 
@@ -108,17 +100,8 @@ impl Thumbnails {
         kept.wanted = None;
     }
 
-    /// The thumbnail of a frame of the series that was last wanted, if it is there.
-    pub fn get(&self, request: &FrameRequest) -> Option<Arc<Picture>> {
-        self.made(request)?.ok()
-    }
-
-    /// Why there is no thumbnail of a frame.
-    pub fn problem(&self, request: &FrameRequest) -> Option<String> {
-        self.made(request)?.err()
-    }
-
-    fn made(&self, request: &FrameRequest) -> Option<Result<Arc<Picture>, String>> {
+    /// The thumbnail of a frame of the series that was last wanted, or why there is none; `None`: it is pending, or was not wanted.
+    pub fn get(&self, request: &FrameRequest) -> Option<Outcome> {
         let request = self.reduced(request);
         let mut kept = lock(&self.kept);
         kept.of.as_ref().filter(|of| of.request.same_view(&request))?;
@@ -144,7 +127,7 @@ impl Job {
 }
 
 impl Kept {
-    fn find(&mut self, time: FrameTime) -> Option<Result<Arc<Picture>, String>> {
+    fn find(&mut self, time: FrameTime) -> Option<Outcome> {
         self.uses += 1;
         let made = self.pictures.iter_mut().find(|made| made.time == time)?;
         made.used = self.uses;
@@ -152,7 +135,7 @@ impl Kept {
     }
 
     /// Keeps a thumbnail, unless it was cancelled, which happens under the same lock.
-    fn put(&mut self, time: FrameTime, picture: Result<Arc<Picture>, String>, cancel: &Cancel) {
+    fn put(&mut self, time: FrameTime, picture: Outcome, cancel: &Cancel) {
         if cancel.is_cancelled() {
             return;
         }
@@ -167,25 +150,14 @@ impl Kept {
     }
 }
 
-fn lock(kept: &Mutex<Kept>) -> MutexGuard<'_, Kept> {
-    kept.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Renders the thumbnail of a job, with the pipeline of the last one if it is of the same series.
-fn render(last: &mut Option<(Arc<Series>, Pipeline)>, job: &Job, cancel: &Cancel) -> Result<Picture, PipelineError> {
-    let of_series = last.take().filter(|(series, _)| Arc::ptr_eq(series, &job.series));
-    let new = || (job.series.clone(), Pipeline::new(job.series.apart(BLOCK_BYTES)));
-    let (_, pipeline) = last.insert(of_series.unwrap_or_else(new));
-    let color = &pipeline.render_unless(&job.request, cancel)?.planes.color;
-    Ok(Picture { size: [color.width, color.height], pixels: over_background(&color.pixels, job.background) })
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::picture::over_background;
     use super::super::worker::tests::wait_for;
     use super::*;
     use crate::camera::Camera;
     use crate::node_table::{Node, NodeTable};
+    use crate::pipeline::Pipeline;
     use crate::pipeline::test_series::{jet, logged};
 
     const BACKGROUND: [f32; 3] = [0.1, 0.2, 0.3];
@@ -198,11 +170,11 @@ mod tests {
     }
 
     fn silent() -> Thumbnails {
-        Thumbnails::with_width(32, Arc::new(|| ())).unwrap()
+        Thumbnails::start(32, Arc::new(|| ())).unwrap()
     }
 
     fn made(thumbnails: &Thumbnails, request: &FrameRequest) -> Arc<Picture> {
-        wait_for("picture", || thumbnails.get(request))
+        wait_for("picture", || thumbnails.get(request)?.ok())
     }
 
     #[test]
@@ -251,7 +223,7 @@ mod tests {
         want(&turned);
         assert!(thumbnails.get(&frame(&series, 4)).is_none(), "those of the look before are gone");
         thumbnails.want(&series, &turned, [1.0; 3]);
-        let white = wait_for("picture", || thumbnails.get(&turned));
+        let white = wait_for("picture", || thumbnails.get(&turned)?.ok());
         assert_eq!(white.pixels[0], [255; 4], "on another background");
         let (other, _) = logged(10);
         thumbnails.want(&other, &turned, [1.0; 3]);
@@ -283,8 +255,9 @@ mod tests {
         for (step, word) in [(1, "damaged"), (2, "not meant")] {
             let request = frame(&series, step);
             thumbnails.want(&series, &request, BACKGROUND);
-            let problem = wait_for("problem", || thumbnails.problem(&request));
-            assert!(problem.contains(word) && thumbnails.get(&request).is_none(), "{problem}");
+            let problem = wait_for("problem", || thumbnails.get(&request)?.err());
+            assert!(problem.contains(word), "{problem}");
+            assert_eq!(thumbnails.get(&request), Some(Err(problem)));
             thumbnails.want(&series, &request, BACKGROUND);
             assert_eq!(lock(&thumbnails.kept).wanted, None);
         }

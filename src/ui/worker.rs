@@ -1,5 +1,6 @@
 //! Background threads: each works on the newest job it is given.
 
+use crate::pipeline::{Pipeline, Series};
 use crate::task::{Cancel, panic_message};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::io;
@@ -8,6 +9,24 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 /// Bytes of blocks for a worker that reads steps: a few blocks of 64 steps of a million cells, or one larger block.
 pub(super) const BLOCK_BYTES: u64 = 32 << 20;
+
+/// Locks a mutex, also after a panic of a thread that had it: what it protects is valid at all times.
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A pipeline that renders for a worker, and keeps data of the last frames.
+#[derive(Default)]
+pub(super) struct SeriesPipeline(Option<(Arc<Series>, Pipeline)>);
+
+impl SeriesPipeline {
+    /// The pipeline of a series: that of the last call if it was of the same one.
+    pub(super) fn of(&mut self, series: &Arc<Series>) -> &mut Pipeline {
+        let last = self.0.take().filter(|(last, _)| Arc::ptr_eq(last, series));
+        let new = || (series.clone(), Pipeline::new(series.apart(BLOCK_BYTES)));
+        &mut self.0.insert(last.unwrap_or_else(new)).1
+    }
+}
 
 /// One thread, which ends with its owner. It is the only one of a rayon pool: parallel code runs on it alone, and never waits behind a
 /// renderer's tasks.
@@ -29,12 +48,13 @@ struct State<J> {
 }
 
 impl<J: Clone + Send + 'static> Worker<J> {
-    /// Starts the thread. `begin` makes the function that does jobs, and again after a panic, which is a fault of this program: `failed` is
-    /// then called with its message.
-    pub(super) fn start<W: FnMut(J, &Cancel)>(
+    /// Starts the thread. `work` does a job and passes its results on to `put`. What it keeps from job to job is in `S`, and begins afresh
+    /// after a panic, which is a fault of this program: `failed` then makes the result from the panic's message.
+    pub(super) fn start<S: Default + 'static, R: 'static>(
         name: &str,
-        begin: impl Fn() -> W + Send + 'static,
-        failed: impl Fn(J, &Cancel, String) + Send + 'static,
+        put: impl Fn(R, &Cancel) + Send + 'static,
+        work: impl Fn(&mut S, J, &Cancel, &dyn Fn(R)) + Send + 'static,
+        failed: impl Fn(J, String) -> R + Send + 'static,
     ) -> io::Result<Self> {
         let name = name.to_owned();
         let pool = ThreadPoolBuilder::new().num_threads(1).thread_name(move |_| name.clone()).build();
@@ -43,13 +63,14 @@ impl<J: Clone + Send + 'static> Worker<J> {
         let shared = Arc::new(Shared { state, changed: Condvar::new() });
         let of_thread = shared.clone();
         pool.spawn(move || {
-            let mut work = begin();
+            let mut kept = S::default();
             while let Some((job, cancel)) = of_thread.next() {
                 let copy = job.clone();
-                if let Err(panic) = catch_unwind(AssertUnwindSafe(|| work(job, &cancel))) {
-                    work = begin();
+                let put = |result| put(result, &cancel);
+                if let Err(panic) = catch_unwind(AssertUnwindSafe(|| work(&mut kept, job, &cancel, &put))) {
+                    kept = S::default();
                     let said = panic_message(&*panic);
-                    failed(copy, &cancel, format!("tetreel failed at this: {said}; please report this"));
+                    put(failed(copy, format!("tetreel failed at this: {said}; please report this")));
                 }
             }
         });
@@ -58,7 +79,7 @@ impl<J: Clone + Send + 'static> Worker<J> {
 
     /// Gives a job, replacing a waiting one. The current one is finished.
     pub(super) fn give(&self, job: J) {
-        self.shared.lock().next = Some(job);
+        lock(&self.shared.state).next = Some(job);
         self.shared.changed.notify_all();
     }
 }
@@ -66,7 +87,7 @@ impl<J: Clone + Send + 'static> Worker<J> {
 impl<J> Worker<J> {
     /// Drops the waiting job and cancels the current one.
     pub(super) fn stop(&self) {
-        let mut state = self.shared.lock();
+        let mut state = lock(&self.shared.state);
         state.next = None;
         state.current.cancel();
     }
@@ -75,19 +96,15 @@ impl<J> Worker<J> {
 impl<J> Drop for Worker<J> {
     fn drop(&mut self) {
         self.stop();
-        self.shared.lock().is_over = true;
+        lock(&self.shared.state).is_over = true;
         self.shared.changed.notify_all();
     }
 }
 
 impl<J> Shared<J> {
-    fn lock(&self) -> MutexGuard<'_, State<J>> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// The next job and its cancel flag; `None` at the end.
     fn next(&self) -> Option<(J, Cancel)> {
-        let mut state = self.lock();
+        let mut state = lock(&self.state);
         loop {
             if state.is_over {
                 return None;
@@ -112,30 +129,37 @@ impl<T> Default for Slot<T> {
 }
 
 impl<T> Slot<T> {
-    fn lock(&self) -> MutexGuard<'_, Option<T>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Stores a result, unless `cancel` is raised: if its owner raises it and then clears the slot, the slot stays empty.
     pub(super) fn put(&self, value: T, cancel: &Cancel) {
-        let mut slot = self.lock();
+        let mut slot = lock(&self.0);
         if !cancel.is_cancelled() {
             *slot = Some(value);
         }
     }
 
     pub(super) fn take(&self) -> Option<T> {
-        self.lock().take()
+        lock(&self.0).take()
     }
 
     pub(super) fn clear(&self) {
-        self.lock().take();
+        lock(&self.0).take();
+    }
+}
+
+impl<T: 'static> Slot<T> {
+    /// Stores results as [`Self::put`] does, and calls `wake` after each.
+    pub(super) fn filler(self: &Arc<Self>, wake: Arc<dyn Fn() + Send + Sync>) -> impl Fn(T, &Cancel) + use<T> {
+        let slot = self.clone();
+        move |value, cancel| {
+            slot.put(value, cancel);
+            wake();
+        }
     }
 }
 
 impl<T: Clone> Slot<T> {
     pub(super) fn get(&self) -> Option<T> {
-        self.lock().clone()
+        lock(&self.0).clone()
     }
 }
 
@@ -170,22 +194,19 @@ pub(super) mod tests {
 
     type Sum = Arc<Slot<Result<u32, String>>>;
 
-    /// Adds up jobs and panics at 13. The weak reference dies with its thread's state.
+    /// Adds up jobs and panics at 13. The weak reference dies with its thread.
     fn adder() -> (Worker<u32>, Sum, std::sync::Weak<()>) {
         let slot = Arc::new(Slot::default());
-        let (results, failures, alive) = (slot.clone(), slot.clone(), Arc::new(()));
+        let alive = Arc::new(());
         let gone = Arc::downgrade(&alive);
-        let begin = move || {
-            let (results, _alive, mut sum) = (results.clone(), alive.clone(), 0);
-            move |job: u32, cancel: &Cancel| {
-                let _held = &_alive;
-                assert_ne!(job, 13, "an unlucky number");
-                sum += job;
-                results.put(Ok(sum), cancel);
-            }
+        let work = move |sum: &mut u32, job: u32, _: &Cancel, put: &dyn Fn(Result<u32, String>)| {
+            let _held = &alive;
+            assert_ne!(job, 13, "an unlucky number");
+            *sum += job;
+            put(Ok(*sum));
         };
-        let failed = move |job: u32, cancel: &Cancel, text| failures.put(Err(format!("{job}: {text}")), cancel);
-        (Worker::start("adder", begin, failed).unwrap(), slot, gone)
+        let failed = |job: u32, text| Err(format!("{job}: {text}"));
+        (Worker::start("adder", slot.filler(Arc::new(|| ())), work, failed).unwrap(), slot, gone)
     }
 
     #[test]
@@ -214,17 +235,14 @@ pub(super) mod tests {
     fn a_job_that_waits_is_replaced_and_one_at_hand_is_cancelled_by_stop_alone() {
         let seen = Arc::new(Mutex::new(Vec::new()));
         let log = seen.clone();
-        let begin = move || {
-            let log = log.clone();
-            move |job: u32, cancel: &Cancel| {
-                log.lock().unwrap().push((job, false));
-                while job == 0 && !cancel.is_cancelled() {
-                    std::thread::yield_now();
-                }
-                log.lock().unwrap().push((job, true));
+        let work = move |(): &mut (), job: u32, cancel: &Cancel, _: &dyn Fn(())| {
+            log.lock().unwrap().push((job, false));
+            while job == 0 && !cancel.is_cancelled() {
+                std::thread::yield_now();
             }
+            log.lock().unwrap().push((job, true));
         };
-        let worker = Worker::start("waiter", begin, |_, _, text| panic!("{text}")).unwrap();
+        let worker = Worker::start("waiter", |(), _| (), work, |_, text| panic!("{text}")).unwrap();
         worker.give(0);
         wait_for("begin", || (!seen.lock().unwrap().is_empty()).then_some(()));
         (1..=5).for_each(|job| worker.give(job));

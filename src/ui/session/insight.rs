@@ -12,12 +12,12 @@ use std::sync::Arc;
 impl Session {
     /// Position of the mouse in the picture, as in [`PointAt`](crate::ui::Action::PointAt).
     pub fn mouse(&self) -> Option<(f64, f64)> {
-        self.insight.mouse()
+        self.insight.mouse
     }
 
     /// The answer for the point under the mouse.
     pub fn hover(&self) -> Option<&Hover> {
-        self.insight.hover()
+        self.insight.hover.as_ref()
     }
 
     /// The picked point.
@@ -27,17 +27,18 @@ impl Session {
 
     /// Means and histograms of the field, as far as they are known.
     pub fn survey(&self) -> Arc<Surveyed> {
-        self.insight.survey()
+        self.insight.survey.snapshot()
     }
 
     /// The thumbnail of a step; requested if missing. `None` also drops a pending request.
     pub fn thumbnail(&mut self, step: Option<usize>) -> Option<Arc<Picture>> {
         let Some((step, size)) = step.zip(self.size_px()) else {
-            self.insight.forget_thumbnails();
+            self.insight.thumbnails.forget_wanted();
             return None;
         };
         let series = self.series().clone();
         let request = self.previews.make(&self.look, &series, FrameTime::from(step), size, &mut Drawing::at_rest)?;
-        self.insight.thumbnail(&series, &request, self.background)
+        self.insight.thumbnails.want(&series, &request, self.background);
+        self.insight.thumbnails.get(&request)?.ok()
     }
 }

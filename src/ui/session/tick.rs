@@ -16,7 +16,9 @@ impl Session {
     /// the latest (`None`: after an action, or when woken).
     pub fn tick(&mut self, now: Duration) -> (bool, Option<Duration>) {
         self.finish_jobs();
-        self.requests.collect();
+        if let Some(project) = &mut self.requests.project {
+            project.collect();
+        }
         let (state, is_busy) = (self.state(), now < self.busy_until);
         self.player.pipelined().leave_a_core(is_busy);
         let Some(size) = self.size_px() else { return (false, None) };
@@ -66,7 +68,7 @@ impl Session {
         }
         self.insight.take(request);
         let is_late = state.playing && (state.speed.is_none() || shortfall(&state).is_some());
-        self.insight.pause(is_busy || is_late);
+        self.insight.survey.pause(is_busy || is_late);
         let busy = is_busy.then(|| self.busy_until.saturating_sub(now));
         let wait = tick.wait.into_iter().chain(self.rest(now)).chain(busy).min();
         (is_new, wait)
@@ -169,24 +171,19 @@ impl Session {
                     self.opens_field = false;
                     self.fail(problem);
                 }
-                Done::Series(series) => {
+                Done::Series(series, looks) => {
                     self.opens_field = false;
-                    match series {
-                        Ok((series, looks)) => {
-                            let [before, first] = *looks;
-                            // Colours chosen by the user are kept.
-                            if self.look.is_first(&before) {
-                                (self.look.tf, self.look.range) = (first.tf, first.range);
-                            }
-                            self.player.set_series(series);
-                            self.quality.forget_all();
-                            (self.moved, self.motion_error) = (None, None);
-                            // A picture of another field would be mistaken for this one.
-                            (self.shown, self.requests.still) = (None, None);
-                            self.study();
-                        }
-                        Err(error) => self.fail(error.to_string()),
+                    let [before, first] = *looks;
+                    // Colours chosen by the user are kept.
+                    if self.look.is_first(&before) {
+                        (self.look.tf, self.look.range) = (first.tf, first.range);
                     }
+                    self.player.set_series(series);
+                    self.quality.forget_all();
+                    (self.moved, self.motion_error) = (None, None);
+                    // A picture of another field would be mistaken for this one.
+                    (self.shown, self.requests.still) = (None, None);
+                    self.study();
                 }
             }
         }

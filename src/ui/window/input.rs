@@ -1,7 +1,7 @@
 //! Translates keys of the window to those of the table.
 
 use crate::ui::Action;
-use crate::ui::keys::{self, Key};
+use crate::ui::keys;
 use eframe::egui;
 
 /// Actions of newly pressed keys, unless a widget or a menu has the focus.
@@ -14,11 +14,9 @@ pub(super) fn pressed(ctx: &egui::Context) -> Vec<Action> {
         for event in &input.events {
             if let egui::Event::Key { key, pressed: true, modifiers, repeat, .. } = event
                 && !(modifiers.alt || modifiers.ctrl || modifiers.command)
-                && let Some((key, shift)) = known(*key, modifiers.shift)
-                && let Some(action) = keys::action(key, shift)
-                && (!repeat || repeats(&action))
             {
-                actions.push(action);
+                let (key, shift) = known(*key, modifiers.shift);
+                actions.extend(keys::action(key, shift).filter(|action| !repeat || repeats(action)));
             }
         }
     });
@@ -32,20 +30,12 @@ fn repeats(action: &Action) -> bool {
 }
 
 /// The table's key for a key of egui, and whether shift counts for it.
-fn known(key: egui::Key, shift: bool) -> Option<(Key, bool)> {
-    let key = match key {
-        egui::Key::Space => Key::Space,
-        egui::Key::ArrowLeft => Key::Left,
-        egui::Key::ArrowRight => Key::Right,
-        egui::Key::Home => Key::Home,
-        egui::Key::End => Key::End,
+fn known(key: egui::Key, shift: bool) -> (&'static str, bool) {
+    match key {
         // On layouts where these need shift.
-        egui::Key::OpenBracket => return Some((Key::Char('['), false)),
-        egui::Key::CloseBracket => return Some((Key::Char(']'), false)),
-        egui::Key::Questionmark => return Some((Key::Char('?'), false)),
-        other => Key::Char(other.name().chars().next().filter(|_| other.name().chars().count() == 1)?),
-    };
-    Some((key, shift))
+        egui::Key::OpenBracket | egui::Key::CloseBracket | egui::Key::Questionmark => (key.symbol_or_name(), false),
+        other => (other.name(), shift),
+    }
 }
 
 #[cfg(test)]
@@ -54,8 +44,8 @@ mod tests {
 
     #[test]
     fn every_key_of_the_table_can_be_pressed() {
-        let all: Vec<(Key, bool)> =
-            egui::Key::ALL.iter().flat_map(|&key| [known(key, false), known(key, true)]).flatten().collect();
+        let all: Vec<(&str, bool)> =
+            egui::Key::ALL.iter().flat_map(|&key| [known(key, false), known(key, true)]).collect();
         for binding in keys::bindings() {
             assert!(all.contains(&(binding.key, binding.shift)), "{}", binding.name());
         }

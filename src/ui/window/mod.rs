@@ -135,8 +135,6 @@ pub struct PlayerWindow {
     title: Option<String>,
     /// Whether the panels around the picture have been laid out.
     is_laid_out: bool,
-    /// Whether the side panel is shown.
-    shows_side: bool,
 }
 
 /// The default look of a series.
@@ -160,7 +158,6 @@ impl PlayerWindow {
             followed: None,
             options,
             path: None,
-            shows_side: keeper.settings().shows_side,
             keeper,
             started: Instant::now(),
             screen: Screen::start(waker.wake())?,
@@ -254,10 +251,9 @@ impl PlayerWindow {
     fn play(&mut self, opened: Opened, dress: &Dress) {
         let (name, path) = (opened.name.clone(), opened.path.clone());
         match self.session_of(opened, dress) {
-            Ok((session, followed)) => {
+            Ok((mut session, followed)) => {
                 self.title = Some(format!("{name} - tetreel"));
                 self.followed = followed;
-                let mut session = session;
                 if std::mem::take(&mut self.options.plays) {
                     let now = self.started.elapsed();
                     for command in [Command::Loop(Loop::All), Command::Play] {
@@ -316,7 +312,6 @@ impl PlayerWindow {
     /// Updates the settings to the current state.
     fn remember(&mut self, ctx: &egui::Context) {
         let settings = self.keeper.settings_mut();
-        settings.shows_side = self.shows_side;
         if let Some(size) = ctx.input(|input| input.viewport().inner_rect).map(|rect| rect.size()) {
             settings.window_size = [size.x, size.y];
         }
@@ -408,18 +403,12 @@ impl PlayerWindow {
 
     fn finish_opening(&mut self) {
         let Some((opening, dress)) = &self.opening else { return };
-        let (ended, dress) = (opening.take(), dress.clone());
+        let (Some(ended), dress) = (opening.take(), dress.clone()) else { return };
+        self.opening = None;
         match ended {
-            None => {}
-            Some(OpeningEnd::Opened(opened)) => {
-                self.opening = None;
-                self.play(*opened, &dress);
-            }
-            Some(OpeningEnd::Cancelled) => self.opening = None,
-            Some(OpeningEnd::Failed(problem)) => {
-                self.opening = None;
-                self.fail(problem);
-            }
+            OpeningEnd::Opened(opened) => self.play(*opened, &dress),
+            OpeningEnd::Cancelled => {}
+            OpeningEnd::Failed(problem) => self.fail(problem),
         }
     }
 
@@ -449,10 +438,11 @@ impl PlayerWindow {
         let panel = egui::Frame::side_top_panel(ui.style()).fill(egui::Color32::TRANSPARENT);
         let mut actions = input::pressed(&ctx);
         popups::notices(ui, session, &mut actions);
+        let shows_side = &mut self.keeper.settings_mut().shows_side;
         egui::Panel::bottom("timeline").frame(panel).show(ui, |ui| {
-            timeline::show(ui, session, &mut self.shows_side, &mut self.preview, &mut actions);
+            timeline::show(ui, session, shows_side, &mut self.preview, &mut actions);
         });
-        if self.shows_side {
+        if *shows_side {
             let side = egui::Panel::right("side").frame(panel).default_size(side::WIDTH).min_size(side::WIDTH);
             side.resizable(true).show(ui, |ui| {
                 let recent = &self.keeper.settings().recent;

@@ -47,8 +47,7 @@ impl Preview {
         if self.shown.as_ref().is_some_and(|(shown, _)| Arc::ptr_eq(picture, shown)) {
             return;
         }
-        let bytes: Vec<u8> = picture.pixels.iter().flatten().copied().collect();
-        let image = ColorImage::from_rgba_premultiplied(picture.size, &bytes);
+        let image = ColorImage::from_rgba_premultiplied(picture.size, picture.pixels.as_flattened());
         self.shown = Some((picture.clone(), over.ctx.load_texture("thumbnail", image, TextureOptions::LINEAR)));
     }
 }

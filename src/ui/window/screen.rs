@@ -42,7 +42,7 @@ struct Shown {
 
 /// The screen.
 pub(super) struct Screen {
-    pictures: PictureMaker<Source, Picture>,
+    pictures: PictureMaker<Source>,
     gpu: Option<WindowScreen>,
     shown: Option<Shown>,
     /// The picture that this pass was laid out with.
@@ -57,7 +57,7 @@ pub(super) struct Screen {
 impl Screen {
     /// An empty screen; `made` is called when there is a picture to take over.
     pub(super) fn start(made: impl Fn() + Send + 'static) -> io::Result<Self> {
-        let pictures = PictureMaker::start(|picture| picture, made)?;
+        let pictures = PictureMaker::start(made)?;
         Ok(Self { pictures, gpu: None, shown: None, retired: None, newest: 0, taken: 0, background: [0.0; 3] })
     }
 

@@ -3,7 +3,7 @@
 use super::overlay::{self, Overlays, horizontal_strip};
 use super::transfer_editor::TransferEditor;
 use super::welcome::{self, PathBox, Wish};
-use super::widgets::{choice, color, number, within_width};
+use super::widgets::{chosen, color_button, labelled, number, within_width};
 use super::{point, project, statistics, surfaces};
 use crate::camera::{Axis, Projection};
 use crate::optics::OpticsKind;
@@ -23,19 +23,6 @@ pub(super) const WIDTH: f32 = 250.0;
 #[derive(Debug, Default)]
 pub(super) struct Side {
     editor: TransferEditor,
-}
-
-/// The kinds of ranges to choose from.
-#[derive(Clone, Copy, PartialEq)]
-enum RangeKind {
-    Series,
-    Step,
-    Fixed,
-    Symmetric,
-    Percentile,
-    SymmetricPercentile,
-    Log,
-    FixedLog,
 }
 
 impl Side {
@@ -93,13 +80,9 @@ pub(super) fn open(ui: &mut Ui, path_box: &mut PathBox, recent: &[RecentFile]) -
 fn field(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     let shown = session.series().field();
     let names: Vec<&str> = session.store().fields().iter().map(|field| field.name.as_str()).collect();
-    let mut name = shown.name.as_str();
     let options: Vec<(&str, &str)> = names.iter().map(|&name| (name, name)).collect();
-    if choice(ui, "Field to show", &mut name, &options)
-        && let Ok(selector) = name.parse()
-    {
-        actions.push(Action::Field(selector));
-    }
+    let name = chosen(ui, "Field to show", shown.name.as_str(), &options);
+    actions.extend(name.and_then(|name| name.parse().ok()).map(Action::Field));
     if session.opens_field() {
         ui.label("opening the field");
     }
@@ -145,50 +128,31 @@ fn preview(ui: &mut Ui, map: &ColorMap, size: egui::Vec2) {
 
 fn range_of_colors(ui: &mut Ui, session: &Session, range: &MappedRange, actions: &mut Vec<Action>) {
     let policy = session.look().range;
-    let mut kind = match policy {
-        RangePolicy::Series => RangeKind::Series,
-        RangePolicy::Step => RangeKind::Step,
-        RangePolicy::Manual(..) => RangeKind::Fixed,
-        RangePolicy::Symmetric => RangeKind::Symmetric,
-        RangePolicy::Percentile(..) => RangeKind::Percentile,
-        RangePolicy::SymmetricPercentile(..) => RangeKind::SymmetricPercentile,
-        RangePolicy::Log => RangeKind::Log,
-        RangePolicy::LogManual(..) => RangeKind::FixedLog,
-    };
-    let mut kinds = vec![
-        (RangeKind::Series, "range of all steps"),
-        (RangeKind::Step, "range of each step"),
-        (RangeKind::Fixed, "fixed range"),
-        (RangeKind::Symmetric, "symmetric about 0"),
-        (RangeKind::Percentile, "1st to 99th percentile"),
-        (RangeKind::SymmetricPercentile, "percentiles, symmetric"),
-    ];
-    // A logarithm needs positive values.
-    if session.series().field().range.is_some_and(|[_, hi]| hi > 0.0) {
-        kinds.push((RangeKind::Log, "logarithmic"));
-    }
-    if range.lo() > 0.0 {
-        kinds.push((RangeKind::FixedLog, "fixed, logarithmic"));
-    }
     let (lo, hi) = (range.lo(), range.hi());
-    let percentiles = match policy {
+    let (least, greatest) = match policy {
         RangePolicy::Percentile(from, to) | RangePolicy::SymmetricPercentile(from, to) => (from, to),
         _ => RangePolicy::PERCENTILES,
     };
-    if choice(ui, "Range of the colours", &mut kind, &kinds) {
-        actions.push(Action::Range(match kind {
-            RangeKind::Series => RangePolicy::Series,
-            RangeKind::Step => RangePolicy::Step,
-            RangeKind::Fixed => RangePolicy::Manual(lo, hi),
-            RangeKind::Symmetric => RangePolicy::Symmetric,
-            RangeKind::Percentile => RangePolicy::Percentile(percentiles.0, percentiles.1),
-            RangeKind::SymmetricPercentile => RangePolicy::SymmetricPercentile(percentiles.0, percentiles.1),
-            RangeKind::Log => RangePolicy::Log,
-            RangeKind::FixedLog => RangePolicy::LogManual(lo, hi),
-        }));
+    // Where the policy has numbers, its option has the same ones: the shown range is that of the policy.
+    let mut policies = vec![
+        (RangePolicy::Series, "range of all steps"),
+        (RangePolicy::Step, "range of each step"),
+        (RangePolicy::Manual(lo, hi), "fixed range"),
+        (RangePolicy::Symmetric, "symmetric about 0"),
+        (RangePolicy::Percentile(least, greatest), "1st to 99th percentile"),
+        (RangePolicy::SymmetricPercentile(least, greatest), "percentiles, symmetric"),
+    ];
+    // A logarithm needs positive values.
+    if session.series().field().range.is_some_and(|[_, hi]| hi > 0.0) {
+        policies.push((RangePolicy::Log, "logarithmic"));
     }
+    if lo > 0.0 {
+        policies.push((RangePolicy::LogManual(lo, hi), "fixed, logarithmic"));
+    }
+    actions.extend(chosen(ui, "Range of the colours", policy, &policies).map(Action::Range));
     if policy.has_percentiles() {
-        let all = if kind == RangeKind::Percentile { RangePolicy::Series } else { RangePolicy::Symmetric };
+        let is_from_least = matches!(policy, RangePolicy::Percentile(..));
+        let all = if is_from_least { RangePolicy::Series } else { RangePolicy::Symmetric };
         let hint = "A few values lie beyond the colours and have those of the ends";
         if ui.button("All values").on_hover_text(hint).clicked() {
             actions.push(Action::Range(all));
@@ -239,17 +203,11 @@ fn view(ui: &mut Ui, session: &Session, overlays: &mut Overlays, actions: &mut V
 }
 
 fn picture(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
-    let [r, g, b, _] = color(session.background()).to_array();
-    let before = [r, g, b];
-    let mut background = before;
     ui.horizontal(|ui| {
-        let response = ui.color_edit_button_srgb(&mut background);
-        ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Background"));
+        let rgb = color_button(ui, session.background(), "Background");
+        actions.extend(rgb.map(|rgb| Action::Background(rgb.map(|c| f32::from(c) / 255.0))));
         ui.label("background");
     });
-    if background != before {
-        actions.push(Action::Background(background.map(|c| f32::from(c) / 255.0)));
-    }
     let before = session.image_scale();
     let mut scale = before;
     ui.horizontal(|ui| {
@@ -260,39 +218,30 @@ fn picture(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     if scale != before {
         actions.push(Action::ImageScale(scale));
     }
-    let mut backend = session.look().backend;
     let backends = [(Backend::Auto, "GPU if there is one"), (Backend::Cpu, "CPU"), (Backend::Gpu, "GPU")];
-    if choice(ui, "Backend", &mut backend, &backends) {
-        actions.push(Action::Backend(backend));
-    }
-    let mut mode = session.look().mode;
+    actions.extend(chosen(ui, "Backend", session.look().backend, &backends).map(Action::Backend));
+    let mode = session.look().mode;
     let modes = [
         (RenderMode::Auto, "best renderer"),
         (RenderMode::Raycast, "ray caster"),
         (RenderMode::Havs, "faces"),
         (RenderMode::Reference, "reference (float64, slow)"),
     ];
-    if choice(ui, "Renderer", &mut mode, &modes) {
-        actions.push(Action::Renderer(mode));
-    }
-    let mut optics = session.look().optics;
+    actions.extend(chosen(ui, "Renderer", mode, &modes).map(Action::Renderer));
     let kinds = [
         (OpticsKind::Exact, "exact optics"),
         (OpticsKind::Partial, "partial pre-integration"),
         (OpticsKind::Table3d, "pre-integrated table"),
     ];
-    if choice(ui, "Optics", &mut optics, &kinds) {
-        actions.push(Action::Optics(optics));
-    }
+    actions.extend(chosen(ui, "Optics", session.look().optics, &kinds).map(Action::Optics));
     rate(ui, session, actions);
     let has_levels = matches!(mode, RenderMode::Auto | RenderMode::Havs);
     let before = if has_levels { 100.0 * session.look().faces.lod } else { 100.0 };
     let mut percent = before;
     ui.horizontal(|ui| {
         let value = DragValue::new(&mut percent).range(0.0..=100.0).speed(0.5).max_decimals(1).suffix(" %");
-        let response = ui.add_enabled(has_levels, value);
-        let response = response.on_disabled_hover_text("This renderer always draws all cells");
-        ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Level of detail"));
+        labelled(ui.add_enabled(has_levels, value), "Level of detail")
+            .on_disabled_hover_text("This renderer always draws all cells");
         ui.label("level of detail").on_hover_text("The share of the faces inside the volume that is drawn at most");
     });
     if percent != before {
@@ -313,14 +262,13 @@ fn rate(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
         };
         let slider = egui::Slider::new(&mut fps, 0.0..=*TARGET_FPS.end()).logarithmic(true);
         let slider = slider.smallest_positive(*TARGET_FPS.start()).custom_formatter(text).custom_parser(number);
-        let response = ui.add(slider).on_hover_text("Frames per second while something moves; at rest all is drawn");
-        ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("While moving"));
+        labelled(ui.add(slider), "While moving")
+            .on_hover_text("Frames per second while something moves; at rest all is drawn");
         ui.label("moving");
     });
     if fps != before {
         actions.push(Action::TargetRate((fps >= *TARGET_FPS.start()).then_some(fps)));
     }
-    let mut family = session.family();
     let families = [
         (None, "by what costs least"),
         (Some(Family::Rays), "by fewer rays"),
@@ -328,9 +276,7 @@ fn rate(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
         (Some(Family::Details), "by details of earlier steps"),
         (Some(Family::Faces), "by fewer faces"),
     ];
-    if choice(ui, "Faster", &mut family, &families) {
-        actions.push(Action::GiveUp(family));
-    }
+    actions.extend(chosen(ui, "Faster", session.family(), &families).map(Action::GiveUp));
 }
 
 /// Width of the slider of the rate in points.

@@ -1,7 +1,7 @@
 //! Isosurfaces and cuts: values, positions and colours.
 
 use super::overlay;
-use super::widgets::{choice, color, icon, named, number, toggle};
+use super::widgets::{choice, color_button, icon, labelled, named, number, toggle};
 use crate::pipeline::{Shown, SurfaceLook};
 use crate::render::domain::{DomainStyle, DomainSurface};
 use crate::render::surfaces::{Cut, Isosurface, Normals, SURFACES_MAX};
@@ -65,9 +65,7 @@ fn isosurfaces(ui: &mut Ui, session: &Session, look: &mut SurfaceLook, (lo, hi):
     for (at, surface) in look.isosurfaces.iter_mut().enumerate() {
         let name = |what: &str| if at == 0 { what.to_owned() } else { format!("{what} {}", at + 1) };
         let slider = Slider::new(&mut surface.value, lo..=hi).custom_formatter(|x, _| overlay::number(x));
-        let response = ui.add(slider);
-        ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name("Isovalue")));
-        response.on_hover_text("J, K");
+        labelled(ui.add(slider), &name("Isovalue")).on_hover_text("J, K");
         ui.horizontal(|ui| {
             colors(ui, session, surface, &name("Colour of the surface"));
             let mut percent = 100.0 * surface.opacity;
@@ -170,9 +168,8 @@ fn cuts(ui: &mut Ui, session: &Session, look: &mut SurfaceLook) {
         let before = normal.dot(DVec3::from(cut.point) - middle);
         let mut after = before;
         let slider = Slider::new(&mut after, -reach..=reach).custom_formatter(|x, _| overlay::number(x));
-        let response = ui.add(slider);
-        ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name("Place of the cut")));
-        response.on_hover_text("Distance from the middle of the mesh; Ctrl drag in the picture moves the last cut");
+        labelled(ui.add(slider), &name("Place of the cut"))
+            .on_hover_text("Distance from the middle of the mesh; Ctrl drag in the picture moves the last cut");
         if after != before {
             *cut = cut.moved(after - before);
         }
@@ -192,13 +189,8 @@ fn cuts(ui: &mut Ui, session: &Session, look: &mut SurfaceLook) {
 /// The colour of a surface: its own, or that of the transfer function.
 fn colors(ui: &mut Ui, session: &Session, surface: &mut Isosurface, name: &str) {
     let shown = surface.front.unwrap_or_else(|| session.color_at(surface.value));
-    let [r, g, b, _] = color(shown.map(|c| c as f32)).to_array();
-    let before = [r, g, b];
-    let mut after = before;
-    let response = ui.color_edit_button_srgb(&mut after);
-    ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
-    if after != before {
-        surface.front = Some(after.map(|c| f64::from(c) / 255.0));
+    if let Some(rgb) = color_button(ui, shown.map(|c| c as f32), name) {
+        surface.front = Some(rgb.map(|c| f64::from(c) / 255.0));
     }
     if surface.front.is_some() && ui.small_button("auto").on_hover_text("The colour of the transfer function").clicked()
     {

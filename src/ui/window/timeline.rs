@@ -2,7 +2,7 @@
 
 use super::preview::Preview;
 use super::strip;
-use super::widgets::{Symbol, choice, icon, number, symbol, toggle, wide_number};
+use super::widgets::{Symbol, chosen, icon, labelled, number, symbol, toggle, wide_number};
 use crate::playback::{Command, Direction, Loop, Mode, State, StepRange};
 use crate::ui::{Action, Session};
 use eframe::egui;
@@ -51,8 +51,7 @@ fn scrub(ui: &mut Ui, session: &mut Session, state: &State, preview: &mut Previe
     let mut step = at;
     ui.spacing_mut().slider_width = ui.available_width() - ui.spacing().item_spacing.x;
     let slider = Slider::new(&mut step, 0..=last.max(1)).show_value(false).step_by(1.0);
-    let response = ui.add_enabled(last > 0, slider);
-    ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Step slider"));
+    let response = labelled(ui.add_enabled(last > 0, slider), "Step slider");
     // The handle's track is shorter than the slider by its size, as egui draws it.
     let inset = response.rect.height() / 2.5;
     let way = response.rect.x_range().shrink(inset);
@@ -119,34 +118,23 @@ fn resident_runs(steps: usize, pixels: usize, is_resident: impl Fn(usize) -> boo
 
 /// Buttons: first, back, reverse play, stop, play or pause, forward, last.
 fn transport(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
-    let mut command = |command| actions.push(Action::Play(command));
-    if symbol(ui, Symbol::First, "First step (Home)", false).clicked() {
-        command(Command::SeekStep(0));
-    }
-    if symbol(ui, Symbol::StepBack, "One step back (Left)", false).clicked() {
-        command(Command::Step(-1));
-    }
-    let plays = |direction| state.playing && state.heading == direction;
-    for (direction, drawn, name) in
-        [(Direction::Backward, Symbol::Backwards, "Play backwards"), (Direction::Forward, Symbol::Play, "Play")]
-    {
-        if direction == Direction::Forward && symbol(ui, Symbol::Stop, "Stop", false).clicked() {
-            command(Command::Stop);
+    let play = |direction, drawn, name| match state.playing && state.heading == direction {
+        true => (Symbol::Pause, "Pause (Space)", true, vec![Command::Pause]),
+        false => (drawn, name, false, vec![Command::Direction(direction), Command::Play]),
+    };
+    let buttons = [
+        (Symbol::First, "First step (Home)", false, vec![Command::SeekStep(0)]),
+        (Symbol::StepBack, "One step back (Left)", false, vec![Command::Step(-1)]),
+        play(Direction::Backward, Symbol::Backwards, "Play backwards"),
+        (Symbol::Stop, "Stop", false, vec![Command::Stop]),
+        play(Direction::Forward, Symbol::Play, "Play"),
+        (Symbol::StepOn, "One step on (Right)", false, vec![Command::Step(1)]),
+        (Symbol::Last, "Last step (End)", false, vec![Command::SeekStep(usize::MAX)]),
+    ];
+    for (drawn, name, is_on, commands) in buttons {
+        if symbol(ui, drawn, name, is_on).clicked() {
+            actions.extend(commands.into_iter().map(Action::Play));
         }
-        if plays(direction) {
-            if symbol(ui, Symbol::Pause, "Pause (Space)", true).clicked() {
-                command(Command::Pause);
-            }
-        } else if symbol(ui, drawn, name, false).clicked() {
-            command(Command::Direction(direction));
-            command(Command::Play);
-        }
-    }
-    if symbol(ui, Symbol::StepOn, "One step on (Right)", false).clicked() {
-        command(Command::Step(1));
-    }
-    if symbol(ui, Symbol::Last, "Last step (End)", false).clicked() {
-        command(Command::SeekStep(usize::MAX));
     }
 }
 
@@ -181,15 +169,13 @@ fn place(ui: &mut Ui, session: &Session, state: &State, actions: &mut Vec<Action
 /// Controls of mode, speed, stride and loop.
 fn pace(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
     let settings = state.settings;
-    let mut mode = settings.mode;
     let modes = [
         (Mode::EveryStep, "every step"),
         (Mode::RealTime, "real time"),
         (Mode::AsFastAsPossible, "as fast as possible"),
     ];
-    if choice(ui, "Mode", &mut mode, &modes) {
-        actions.push(Action::Play(Command::Mode(mode)));
-    }
+    let mode = chosen(ui, "Mode", settings.mode, &modes);
+    actions.extend(mode.map(Command::Mode).map(Action::Play));
     if let Some(shown) = state.speed {
         let mut speed = shown;
         let suffix = if settings.mode == Mode::RealTime { " time/s" } else { " fps" };
@@ -212,12 +198,10 @@ fn pace(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
     if stride != settings.stride {
         actions.push(Action::Play(Command::Stride(stride)));
     }
-    let mut repeat = settings.repeat;
     let loops =
         [(Loop::Off, "no loop"), (Loop::All, "loop all"), (Loop::Range, "loop range"), (Loop::PingPong, "ping-pong")];
-    if choice(ui, "Loop", &mut repeat, &loops) {
-        actions.push(Action::Play(Command::Loop(repeat)));
-    }
+    let repeat = chosen(ui, "Loop", settings.repeat, &loops);
+    actions.extend(repeat.map(Command::Loop).map(Action::Play));
 }
 
 /// Controls of the played range.

@@ -1,7 +1,8 @@
 //! Wakes the current window.
 
+use crate::ui::worker::lock;
 use eframe::egui;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// Requests a repaint of the window. A reopened window replaces the one before.
 #[derive(Clone, Default)]
@@ -10,7 +11,7 @@ pub(super) struct Waker(Arc<Mutex<Option<egui::Context>>>);
 impl Waker {
     /// Wakes this window from now on.
     pub(super) fn attach(&self, ctx: &egui::Context) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(ctx.clone());
+        *lock(&self.0) = Some(ctx.clone());
     }
 
     /// The callback for threads with new results.
@@ -18,7 +19,7 @@ impl Waker {
         let waker = self.clone();
         move || {
             // A copy, so that the lock is not held while the window is busy.
-            let ctx = waker.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
+            let ctx = lock(&waker.0).clone();
             if let Some(ctx) = ctx {
                 ctx.request_repaint();
             }

@@ -1,6 +1,6 @@
 //! The views without a series, and while one is opened.
 
-use super::widgets::icon;
+use super::widgets::{icon, labelled};
 use crate::import::Format;
 use crate::ui::opening::OpeningProgress;
 use crate::ui::settings::RecentFile;
@@ -30,8 +30,7 @@ impl PathBox {
         ui.horizontal(|ui| {
             let edit = egui::TextEdit::singleline(&mut self.text)
                 .hint_text(format!("path of a .zarr, {}", Format::extensions()));
-            let response = ui.add(edit.desired_width(320.0));
-            ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Path to open"));
+            let response = labelled(ui.add(edit.desired_width(320.0)), "Path to open");
             is_entered = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
             // Typing goes to the box, from the first letter on.
             if !is_entered && ui.memory(|memory| memory.focused().is_none()) {

@@ -28,19 +28,29 @@ pub(super) fn named(response: Response, role: Role, name: &str) -> Response {
     response.on_hover_text(name).on_disabled_hover_text(name)
 }
 
+/// Names a widget for screen readers only.
+pub(super) fn labelled(response: Response, name: &str) -> Response {
+    response.ctx.accesskit_node_builder(response.id, |node| node.set_label(name));
+    response
+}
+
 /// A number box, named `name`.
 pub(super) fn number(ui: &mut Ui, value: egui::DragValue<'_>, name: &str) -> Response {
-    let response = ui.add(value);
-    ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
-    response.on_hover_text(name)
+    labelled(ui.add(value), name).on_hover_text(name)
+}
+
+/// A button to choose a colour, named `name`; returns another one that was chosen.
+pub(super) fn color_button(ui: &mut Ui, before: [f32; 3], name: &str) -> Option<[u8; 3]> {
+    let [r, g, b, _] = color(before).to_array();
+    let mut rgb = [r, g, b];
+    labelled(ui.color_edit_button_srgb(&mut rgb), name);
+    (rgb != [r, g, b]).then_some(rgb)
 }
 
 /// A number box of this width, whatever its digits.
 pub(super) fn wide_number(ui: &mut Ui, width: f32, value: egui::DragValue<'_>, name: &str) -> Response {
     let height = ui.spacing().interact_size.y;
-    let response = ui.add_sized([width, height], value);
-    ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
-    response.on_hover_text(name)
+    labelled(ui.add_sized([width, height], value), name).on_hover_text(name)
 }
 
 /// A choice of one of several; returns whether it changed.
@@ -60,6 +70,11 @@ pub(super) fn choice<T: Copy + PartialEq>(ui: &mut Ui, name: &str, value: &mut T
     });
     response.response.on_hover_text(name);
     *value != before
+}
+
+/// As [`choice`]; returns another value that was chosen.
+pub(super) fn chosen<T: Copy + PartialEq>(ui: &mut Ui, name: &str, mut value: T, options: &[(T, &str)]) -> Option<T> {
+    choice(ui, name, &mut value, options).then_some(value)
 }
 
 /// A symbol on a button of the player.
