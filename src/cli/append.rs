@@ -2,7 +2,7 @@
 
 use super::import;
 use super::progress::Terminal;
-use super::{Outcome, print_result, source, steps};
+use super::{Outcome, print_result, steps};
 use crate::field::FieldSelector;
 use crate::ingest::{
     AppendOptions, AppendReport, CodecChoice, FieldUnits, IngestError, IngestOptions, IngestReport, StepRange, append,
@@ -44,7 +44,7 @@ impl Job<'_> {
 
     /// Adds new steps.
     pub(super) fn once(&self, terminal: &Terminal) -> anyhow::Result<Outcome> {
-        let done = self.look(steps::within_series, terminal).map_err(source::ended)?;
+        let done = self.look(steps::within_series, terminal)?;
         self.print(&done)?;
         Ok(Outcome::Done)
     }
@@ -74,7 +74,7 @@ impl Job<'_> {
                             complained_of = path;
                         }
                     }
-                    Err(error) => return Err(source::ended(error)),
+                    Err(error) => return Err(error.into()),
                 }
                 seen = now;
             }

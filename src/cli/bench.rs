@@ -3,7 +3,7 @@
 mod accuracy;
 
 use super::progress::Terminal;
-use super::scene::{SceneArgs, SizeArgs, gpu_report, of_scene};
+use super::scene::{SceneArgs, SizeArgs, gpu_report};
 use super::{Outcome, memory, print_result, source};
 use crate::bench::accuracy::{AccuracyTable, EqualTimeTable, IntegrationTable, TABLE_SIZES, integration_errors};
 use crate::bench::{
@@ -125,7 +125,7 @@ fn run_moving(path: &Path, args: &Args, terminal: &Terminal, report: &mut BenchR
         terminal.check_interrupted()?;
         let bench = FrameBench {
             dataset: dataset_name(path),
-            request: scene.request(0).map_err(of_scene)?,
+            request: scene.request(0)?,
             motion,
             frames: args.frames as usize,
             judged,
@@ -140,7 +140,7 @@ fn run_moving(path: &Path, args: &Args, terminal: &Terminal, report: &mut BenchR
     }
     if args.suite.has_motion() {
         report.held.push(run_held_on(path, &mut scene, args, terminal)?);
-        let request = scene.request(0).map_err(of_scene)?;
+        let request = scene.request(0)?;
         let still = run_still(&mut scene.pipeline, &dataset_name(path), &request, terminal, &terminal.cancel)?;
         report.still.extend(still);
     }
@@ -150,7 +150,7 @@ fn run_moving(path: &Path, args: &Args, terminal: &Terminal, report: &mut BenchR
 
 /// The motion suite on one series.
 fn run_held_on(path: &Path, scene: &mut Scene, args: &Args, terminal: &Terminal) -> anyhow::Result<HeldRun> {
-    let (frames, request) = (10 * args.frames as usize, scene.request(0).map_err(of_scene)?);
+    let (frames, request) = (10 * args.frames as usize, scene.request(0)?);
     let bench = HeldBench { dataset: dataset_name(path), request, frames, target_ms: 1e3 / args.fps };
     terminal.begin("bench", frames as u64, "frames");
     let measured = run_held(&mut scene.pipeline, &bench, terminal, &terminal.cancel);
@@ -169,7 +169,7 @@ fn target_fps(text: &str) -> Result<f64, String> {
 /// The playback suite on one series.
 fn run_playback_on(path: &Path, scene: &mut Scene, args: &Args, terminal: &Terminal) -> anyhow::Result<PlaybackRun> {
     let pairs = args.frames as usize;
-    let bench = PlaybackBench { dataset: dataset_name(path), request: scene.request(0).map_err(of_scene)?, pairs };
+    let bench = PlaybackBench { dataset: dataset_name(path), request: scene.request(0)?, pairs };
     terminal.begin("bench", 2 * u64::from(args.frames), "pairs and seeks");
     let series = scene.pipeline.series().clone();
     let measured = run_playback(&|| args.scene.new_pipeline(&series), &bench, terminal, &terminal.cancel);

@@ -2,13 +2,13 @@
 
 use super::append::Job;
 use super::progress::Terminal;
-use super::{Outcome, print_result, source, steps};
+use super::{Outcome, print_result, steps};
 use crate::codec::vq::MAX_ENTRIES;
 use crate::codec::{CODECS, codec_of};
 use crate::error::FileResult;
 use crate::field::{FieldInfo, FieldSelector, SeriesSource};
 use crate::import::{self, Format};
-use crate::ingest::{CodecChoice, FieldUnits, IngestOptions, StepRange, check_fields};
+use crate::ingest::{CodecChoice, FieldUnits, IngestOptions, StepRange, check_fields, ingest};
 use crate::mesh::{Mesh, RepairReport};
 use anyhow::bail;
 use clap::builder::PossibleValuesParser;
@@ -108,7 +108,7 @@ fn import(args: &Args, codec: CodecChoice, terminal: &Terminal) -> anyhow::Resul
         print_result(args.json, &plan, &plan)?;
         return Ok(Outcome::Done);
     };
-    let report = source::run_ingest(&*series, output, &options, terminal)?;
+    let report = ingest(&*series, output, &options, terminal, &terminal.cancel)?;
     print_result(args.json, &report, &report)?;
     Ok(Outcome::Done)
 }

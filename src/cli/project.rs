@@ -2,10 +2,12 @@
 
 use super::Cli;
 use crate::export::movie::MovieFormat;
+use crate::export::run::RunError;
 use crate::export::still::StillFormat;
 use crate::files;
 use crate::pipeline::RenderMode;
 use crate::project::{LookSettings, Output, Project, ProjectError};
+use crate::scene::SceneError;
 use anyhow::{Context, bail};
 use clap::parser::ValueSource;
 use clap::{ArgMatches, CommandFactory, FromArgMatches};
@@ -108,7 +110,11 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
 
 /// Adds the project's file to the error, if it concerns the project.
 pub(super) fn in_file(error: anyhow::Error, project: Option<&Path>) -> anyhow::Error {
-    match project.filter(|_| error.is::<ProjectError>()) {
+    let is_in_scene = |error: &SceneError| matches!(error, SceneError::Project(_));
+    let is_of_project = error.is::<ProjectError>()
+        || error.downcast_ref().is_some_and(is_in_scene)
+        || matches!(error.downcast_ref(), Some(RunError::Scene(error)) if is_in_scene(error));
+    match project.filter(|_| is_of_project) {
         Some(file) => error.context(file.display().to_string()),
         None => error,
     }

@@ -1,7 +1,6 @@
 //! Options for data and look, shared by the commands that render.
 
 use super::Interrupted;
-use super::progress::unless_interrupted;
 use super::surfaces::{self, SurfaceArgs};
 use crate::camera::Camera;
 use crate::codec::BlockCache;
@@ -13,7 +12,7 @@ use crate::project::Project;
 use crate::render::KBuffer;
 #[cfg(feature = "gpu")]
 use crate::render::gpu::context::ContextOptions;
-use crate::scene::{Scene, SceneError};
+use crate::scene::{Scene, unless_cancelled};
 use crate::store::Store;
 use crate::task::Cancel;
 use crate::transfer::{FirstLook, Lengths, OpacityKind, RangePolicy, TransferError, TransferFunction};
@@ -287,7 +286,7 @@ impl SceneArgs {
             Some(first) => (Ok(first.tf), Some(first.range), first.text),
             None => {
                 let text = self.tf.clone();
-                let tf = unless_interrupted(cancel, move || TransferFunction::parse(&text))?;
+                let tf = unless_cancelled(cancel, move || TransferFunction::parse(&text)).ok_or(Interrupted)?;
                 (tf, None, self.tf.to_string_lossy().into_owned())
             }
         };
@@ -306,9 +305,9 @@ impl SceneArgs {
         // Invalid options fail here, before rendering.
         if !scene.pipeline.times().is_empty() {
             for at in project.map(|project| project.timeline.places()).unwrap_or_default() {
-                scene.request_at(0.into(), at).map_err(of_scene)?;
+                scene.request_at(0.into(), at)?;
             }
-            scene.request(0).map_err(of_scene)?;
+            scene.request(0)?;
             scene.look.camera.view(size.0, size.1)?;
         }
         Ok(scene)
@@ -321,15 +320,6 @@ impl SceneArgs {
         #[cfg(feature = "gpu")]
         pipeline.choose_gpu(self.gpu());
         pipeline
-    }
-}
-
-/// Converts the error of a scene to its cause, so that causes can be told apart.
-pub(super) fn of_scene(error: SceneError) -> anyhow::Error {
-    match error {
-        SceneError::Project(error) => error.into(),
-        error if error.is_cancelled() => Interrupted.into(),
-        error => error.into(),
     }
 }
 

@@ -5,12 +5,12 @@ mod upsample;
 
 use super::progress::Terminal;
 use super::project::{self, Opened, Taker};
-use super::scene::{SceneArgs, SizeArgs, gpu_report, of_scene};
+use super::scene::{SceneArgs, SizeArgs, gpu_report};
 use super::trace::Trace;
-use super::{Interrupted, Outcome, memory, source};
+use super::{Outcome, memory, source};
 use crate::export::annotate::{AboutSeries, Annotations, Annotator};
 use crate::export::movie::{Ffmpeg, MovieOptions};
-use crate::export::run::{FrameRecord, Origin, Output, Run, RunError, Target};
+use crate::export::run::{FrameRecord, Origin, Output, Run, Target};
 use crate::export::still::{Background, FrameAttributes, StillFormat, StillOptions};
 use crate::files;
 use crate::image::{ExrColor, ExrCompression, ExrEncoding};
@@ -300,7 +300,7 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
         (Target::Images(pattern), _) => Output::Images { pattern: pattern.clone(), options: args.still_options()? },
     };
     let run = Run { plan, output, annotator, resume: args.resume };
-    let records = run.render(&mut scene, terminal).map_err(of_run).map_err(in_file)?;
+    let records = run.render(&mut scene, terminal).map_err(|error| in_file(error.into()))?;
     report_backend(&scene, &records, terminal);
     if let Some(path) = &args.stats {
         write_stats(path, &records)?;
@@ -420,15 +420,6 @@ fn summary(output: &Output, records: &[FrameRecord]) -> String {
         }
     };
     written + &empty
-}
-
-/// Converts the error of a run to its cause, so that causes can be told apart.
-pub(super) fn of_run(error: RunError) -> anyhow::Error {
-    match error {
-        RunError::Scene(error) => of_scene(*error),
-        error if error.is_cancelled() => Interrupted.into(),
-        error => error.into(),
-    }
 }
 
 /// Writes the statistics to a temporary file and renames it.
