@@ -187,9 +187,9 @@ fn scalar(store: &Store, selectors: &[FieldSelector]) -> FileResult<Group> {
         }
     };
     // Elsewhere a vector's name alone means its magnitude.
-    let asked = selectors.first().filter(|asked| asked.component.is_none() && asked.name != one.name);
+    let asked = selectors.first().filter(|asked| asked.component.is_none() && asked.name != one.info.name);
     if one.components.len() != 1 || asked.is_some() {
-        let name = asked.map_or(&one.name, |asked| &asked.name);
+        let name = asked.map_or(&one.info.name, |asked| &asked.name);
         let error = unsupported(&format!("'{name}' is a vector, and an isosurface is of one number"));
         return Err(error.remedy(format!("choose {name}:mag or {name}:0")));
     }
