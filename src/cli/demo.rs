@@ -10,12 +10,12 @@ use crate::export::sequence::FramePattern;
 use crate::export::still::{Background, StillOptions};
 use crate::image::{self, PngDepth};
 use crate::ingest::{IngestOptions, ingest};
-use crate::look::DEFAULT_TF;
 use crate::store::Store;
 use crate::synth::{SeriesName, SynthSpec, generate};
 #[cfg(feature = "gui")]
 use crate::ui::window::{Start, WindowError};
 use anyhow::Context;
+use clap::{Args as _, FromArgMatches};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -54,23 +54,9 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     let report = ingest(&series, &store_path, &options, terminal, &terminal.cancel)?;
     terminal.say(&report.to_string());
 
-    let scene_args = SceneArgs {
-        field: None,
-        tf: DEFAULT_TF.into(),
-        range: Default::default(),
-        opacity_kind: Default::default(),
-        unit_distance: None,
-        camera: Some(CAMERA.to_owned()),
-        faces: Default::default(),
-        mode: Default::default(),
-        backend: Default::default(),
-        #[cfg(feature = "gpu")]
-        adapter: String::new(),
-        block_memory: Default::default(),
-        optics: Default::default(),
-        surfaces: Default::default(),
-        skip: Default::default(),
-    };
+    let options = SceneArgs::augment_args(clap::Command::new("demo"));
+    let matches = options.try_get_matches_from(["demo", "--camera", CAMERA])?;
+    let scene_args = SceneArgs::from_arg_matches(&matches)?;
     let store = Store::open(&store_path)?;
     #[cfg(feature = "gui")]
     if play::has_display() && !args.no_window {

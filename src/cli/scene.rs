@@ -89,13 +89,6 @@ pub(super) struct FaceArgs {
     inexact_order: bool,
 }
 
-impl Default for FaceArgs {
-    fn default() -> Self {
-        let FaceDetail { lod, sampling, k_buffer: KBuffer { k, exact_order } } = FaceDetail::default();
-        Self { lod, sampling, k, inexact_order: !exact_order }
-    }
-}
-
 impl FaceArgs {
     pub(super) fn detail(&self) -> FaceDetail {
         let k_buffer = KBuffer { k: self.k, exact_order: !self.inexact_order };
@@ -117,12 +110,6 @@ const DEFAULT_BLOCK_MEMORY: &str = "256M";
 /// A number of bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct ByteCount(pub(super) u64);
-
-impl Default for ByteCount {
-    fn default() -> Self {
-        Self(Series::BLOCK_BYTES)
-    }
-}
 
 impl FromStr for ByteCount {
     type Err = String;
@@ -348,7 +335,7 @@ mod tests {
             [bytes("0"), bytes("3k"), bytes("64M"), bytes("2G")],
             [Some(0), Some(3072), Some(64 << 20), Some(2 << 30)]
         );
-        assert_eq!(DEFAULT_BLOCK_MEMORY.parse(), Ok(ByteCount::default()));
+        assert_eq!(DEFAULT_BLOCK_MEMORY.parse(), Ok(ByteCount(Series::BLOCK_BYTES)));
         assert_eq!([bytes(""), bytes("M"), bytes("1KK"), bytes("-1"), bytes("1e3"), bytes("99999999999G")], [None; 6]);
     }
 }
