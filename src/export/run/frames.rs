@@ -152,7 +152,7 @@ impl Job<'_> {
             pipelined.push(request.clone()).ok_or(RunError::Full)?;
         }
         let replaces_older = found == Found::Older;
-        Ok((Pending { index, attributes, scale, file, origin, replaces_older }, request))
+        Ok((Pending { attributes, scale, file, origin, replaces_older }, request))
     }
 }
 
@@ -164,7 +164,6 @@ const EXPECTED: usize = 256;
 
 /// A frame on its way to its file.
 struct Pending {
-    index: usize,
     attributes: FrameAttributes,
     /// Colour map and range for its annotations.
     scale: Option<(ColorMap, MappedRange)>,
@@ -176,9 +175,10 @@ struct Pending {
 
 impl Pending {
     fn record(&self, plan: &Plan, empty: Option<bool>, stats: Option<FrameStats>) -> FrameRecord {
-        let moment = plan.frames[self.index].time;
+        let frame = self.attributes.frame;
+        let moment = plan.frames[frame].time;
         FrameRecord {
-            frame: self.index,
+            frame,
             step: moment.step(),
             toward: moment.toward(),
             time: self.attributes.time,
