@@ -7,7 +7,7 @@ use super::progress::Terminal;
 use super::project::{self, Opened};
 use super::scene::{SceneArgs, SizeArgs, gpu_report};
 use super::trace::Trace;
-use super::{Outcome, memory, source};
+use super::{Outcome, memory, source, steps};
 use crate::export::annotate::{AboutSeries, Annotations, Annotator};
 use crate::export::movie::{Ffmpeg, MovieOptions};
 use crate::export::run::{FrameRecord, Origin, Output, Run, Target};
@@ -262,7 +262,9 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
     let output = args.target()?;
     let trace = args.trace.as_deref().map(Trace::begin).transpose()?;
     let store = source::open(&args.store, terminal)?;
-    let plan = args.time.clone().within_series(store.times().len(), terminal).times().plan(store.times())?;
+    let mut times = args.time.times();
+    times.steps = steps::within_series(times.steps, store.times().len(), terminal);
+    let plan = times.plan(store.times())?;
     if let Target::Images(pattern) = output {
         if plan.frames.len() > 1 && !pattern.is_numbered() {
             bail!("{} frames need a number in the file name, such as frame_%04d.png, or a movie", plan.frames.len());
