@@ -76,7 +76,13 @@ pub fn run_frames(
         }
         progress.advance(1);
     }
-    Ok(record(pipeline, bench, &measured, worst))
+    Ok(BenchRun {
+        viewpoints: if bench.motion.camera { bench.frames } else { 1 },
+        time_moves: bench.motion.time,
+        camera_moves: bench.motion.camera,
+        error: worst,
+        ..describe(pipeline, &bench.dataset, &bench.request, &measured)
+    })
 }
 
 /// The request of frame `index`.
@@ -89,16 +95,6 @@ fn request_of(pipeline: &Pipeline, bench: &FrameBench, index: usize) -> Result<F
         request.camera = request.camera.orbit(TURN_DEG * index as f64, 0.0)?;
     }
     Ok(request)
-}
-
-fn record(pipeline: &Pipeline, bench: &FrameBench, measured: &[FrameStats], error: Option<RunError>) -> BenchRun {
-    BenchRun {
-        viewpoints: if bench.motion.camera { bench.frames } else { 1 },
-        time_moves: bench.motion.time,
-        camera_moves: bench.motion.camera,
-        error,
-        ..describe(pipeline, &bench.dataset, &bench.request, measured)
-    }
 }
 
 /// The record of a request's frames, without motion and error.

@@ -1,11 +1,10 @@
 //! The playback suite: the cost of moving time, and the latency of a seek.
 
 use super::{Paired, Spread, Timings};
-use crate::pipeline::{FrameRequest, Pipeline, PipelineError, Pipelined, PipelinedOptions, Series};
+use crate::pipeline::{FrameRequest, Pipeline, PipelineError, Pipelined, PipelinedOptions};
 use crate::task::{Cancel, Progress};
 use serde::{Deserialize, Serialize};
 use std::io;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Frames timed together. The first has nothing prepared: its decoding and ordering overlap nothing.
@@ -123,17 +122,7 @@ pub fn run_playback(
     }
     let seek = ways.seeks(bench.pairs.max(1), progress, cancel)?;
     const SEED: u64 = 1;
-    Ok(record(&series, bench, &ways, [Paired::of(&pipelined, SEED), Paired::of(&one_by_one, SEED)], seek))
-}
-
-fn record(
-    series: &Arc<Series>,
-    bench: &PlaybackBench,
-    ways: &Ways,
-    [pipelined, sequential]: [Paired; 2],
-    seek: SeekTimes,
-) -> PlaybackRun {
-    PlaybackRun {
+    Ok(PlaybackRun {
         dataset: bench.dataset.clone(),
         cells: series.mesh().topology.tets.len() as u64,
         size: [bench.request.size_px.0 as u32, bench.request.size_px.1 as u32],
@@ -141,10 +130,10 @@ fn record(
         codec: series.field().codec.clone(),
         threads: rayon::current_num_threads(),
         frames: BURST,
-        pipelined,
-        sequential,
+        pipelined: Paired::of(&pipelined, SEED),
+        sequential: Paired::of(&one_by_one, SEED),
         seek,
-    }
+    })
 }
 
 fn milliseconds(since: Instant) -> f64 {
@@ -163,26 +152,20 @@ impl Ways {
         let mut ms = [0.0; 3];
         for turn in 0..3 {
             let way = (round + turn) % 3;
-            ms[way] = match way {
-                0 => {
-                    let started = Instant::now();
-                    self.on_gpu = self.burst(&self.held, steps.clone().flat_map(|step| [step; 2]))?;
-                    milliseconds(started)
-                }
+            let started = Instant::now();
+            match way {
+                0 => self.on_gpu = self.burst(&self.held, steps.clone().flat_map(|step| [step; 2]))?,
                 1 => {
-                    let started = Instant::now();
                     self.burst(&self.moving, steps.clone().chain(steps.clone()))?;
-                    milliseconds(started)
                 }
                 _ => {
-                    let started = Instant::now();
                     for step in steps.clone().chain(steps.clone()) {
                         let request = self.request(step);
                         std::hint::black_box(self.sequential.render(&request)?);
                     }
-                    milliseconds(started)
                 }
-            };
+            }
+            ms[way] = milliseconds(started);
         }
         Ok(ms)
     }

@@ -1,12 +1,12 @@
 //! `tetreel import --append`: adds new steps, once or repeatedly.
 
-use super::import;
+use super::import::Args;
 use super::progress::Terminal;
-use super::{Outcome, print_result, source, steps};
-use crate::field::FieldSelector;
+use super::{Outcome, print_result, steps};
+use crate::import;
 use crate::ingest::{
-    AppendOptions, AppendReport, CodecChoice, FieldUnits, IngestError, IngestOptions, IngestReport, StepRange, append,
-    ingest, plan_append,
+    AppendOptions, AppendReport, CodecChoice, IngestError, IngestOptions, IngestReport, StepRange, append, ingest,
+    plan_append,
 };
 use crate::task::Progress;
 use std::path::{Path, PathBuf};
@@ -15,15 +15,13 @@ use std::time::{Duration, Instant, SystemTime};
 /// Interval between checks for Ctrl-C during a pause.
 const TICK: Duration = Duration::from_millis(50);
 
-/// An append: the sources, the store, and its codec and fields.
+/// An append to a store.
 pub(super) struct Job<'a> {
-    pub(super) sources: &'a [PathBuf],
+    pub(super) args: &'a Args,
+    /// The store.
     pub(super) output: &'a Path,
-    pub(super) fields: &'a [FieldSelector],
-    pub(super) units: &'a [FieldUnits],
-    pub(super) steps: StepRange,
+    /// The codec, if one is named.
     pub(super) codec: Option<CodecChoice>,
-    pub(super) json: bool,
 }
 
 /// Report of a store created or appended to.
@@ -35,16 +33,16 @@ enum Done {
 impl Job<'_> {
     /// Prints what would be added.
     pub(super) fn plan(&self, terminal: &Terminal) -> anyhow::Result<Outcome> {
-        let series = import::open(self.sources)?;
-        let steps = steps::within_series(self.steps, series.times().len(), terminal);
+        let series = import::open_many(&self.args.sources)?;
+        let steps = steps::within_series(self.args.steps, series.times().len(), terminal);
         let plan = plan_append(&*series, self.output, &self.append_options(steps))?;
-        print_result(self.json, &plan, &format!("{plan}\nnothing was written"))?;
+        print_result(self.args.json, &plan, &format!("{plan}\nnothing was written"))?;
         Ok(Outcome::Done)
     }
 
     /// Adds new steps.
     pub(super) fn once(&self, terminal: &Terminal) -> anyhow::Result<Outcome> {
-        let done = self.look(steps::within_series, terminal).map_err(source::ended)?;
+        let done = self.look(steps::within_series, terminal)?;
         self.print(&done)?;
         Ok(Outcome::Done)
     }
@@ -53,10 +51,10 @@ impl Job<'_> {
     pub(super) fn follow(&self, pause: Duration, terminal: &Terminal) -> anyhow::Result<Outcome> {
         let mut seen = None;
         let mut complained_of: Option<PathBuf> = None;
-        let source = self.sources.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ");
+        let source = self.args.sources.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ");
         terminal.say(&format!("following {source}; Ctrl-C ends it"));
         loop {
-            let now = fingerprint(self.sources);
+            let now = fingerprint(&self.args.sources);
             if now.is_none() || now != seen {
                 // Steps that the source lacks now may come later.
                 match self.look(|steps, count, _| steps::cut(steps, count), terminal) {
@@ -74,7 +72,7 @@ impl Job<'_> {
                             complained_of = path;
                         }
                     }
-                    Err(error) => return Err(source::ended(error)),
+                    Err(error) => return Err(error.into()),
                 }
                 seen = now;
             }
@@ -96,8 +94,8 @@ impl Job<'_> {
         cut: impl FnOnce(StepRange, usize, &Terminal) -> StepRange,
         terminal: &Terminal,
     ) -> Result<Done, IngestError> {
-        let series = import::open(self.sources).map_err(IngestError::Source)?;
-        let steps = cut(self.steps, series.times().len(), terminal);
+        let series = import::open_many(&self.args.sources).map_err(IngestError::Source)?;
+        let steps = cut(self.args.steps, series.times().len(), terminal);
         let exists = || self.output.symlink_metadata().is_ok();
         let add = || {
             append(&*series, self.output, &self.append_options(steps), terminal, &terminal.cancel)
@@ -106,7 +104,7 @@ impl Job<'_> {
         let result = if exists() {
             add()
         } else {
-            let (fields, units) = (self.fields.to_vec(), self.units.to_vec());
+            let (fields, units) = (self.args.fields.to_vec(), self.args.units.to_vec());
             let codec = self.codec.clone().unwrap_or_default();
             let options = IngestOptions { fields, units, steps, codec, overwrite: false };
             let created = ingest(&*series, self.output, &options, terminal, &terminal.cancel);
@@ -123,14 +121,14 @@ impl Job<'_> {
     }
 
     fn append_options(&self, steps: StepRange) -> AppendOptions {
-        let (fields, units) = (self.fields.to_vec(), self.units.to_vec());
+        let (fields, units) = (self.args.fields.to_vec(), self.args.units.to_vec());
         AppendOptions { fields, units, steps, codec: self.codec.clone() }
     }
 
     fn print(&self, done: &Done) -> anyhow::Result<()> {
         match done {
-            Done::Created(report) => print_result(self.json, report, report),
-            Done::Appended(report) => print_result(self.json, report, report),
+            Done::Created(report) => print_result(self.args.json, report, report),
+            Done::Appended(report) => print_result(self.args.json, report, report),
         }
     }
 }
@@ -142,7 +140,7 @@ fn fingerprint(sources: &[PathBuf]) -> Option<Vec<(PathBuf, u64, SystemTime)>> {
     const SETTLED: Duration = Duration::from_secs(3);
     let mut files = Vec::new();
     for source in sources {
-        for path in crate::import::files(source).ok()? {
+        for path in import::files(source).ok()? {
             let metadata = path.metadata().ok()?;
             let changed = metadata.modified().ok()?;
             if changed.elapsed().map_or(true, |age| age < SETTLED) {

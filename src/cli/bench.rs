@@ -3,7 +3,7 @@
 mod accuracy;
 
 use super::progress::Terminal;
-use super::scene::{SceneArgs, SizeArgs, gpu_report, of_scene};
+use super::scene::{SceneArgs, SizeArgs, gpu_report};
 use super::{Outcome, memory, print_result, source};
 use crate::bench::accuracy::{AccuracyTable, EqualTimeTable, IntegrationTable, TABLE_SIZES, integration_errors};
 use crate::bench::{
@@ -11,7 +11,6 @@ use crate::bench::{
     SeekTimes, run_frames, run_held, run_playback, run_still,
 };
 use crate::files;
-use crate::scene::Scene;
 use crate::task::Progress;
 use crate::ui::{DEFAULT_TARGET_FPS, TARGET_FPS};
 use std::fmt;
@@ -70,20 +69,9 @@ impl Suite {
         }
     }
 
-    fn has_accuracy(self) -> bool {
-        matches!(self, Self::Accuracy | Self::All)
-    }
-
-    fn is_accuracy_alone(self) -> bool {
-        self == Self::Accuracy
-    }
-
-    fn has_motion(self) -> bool {
-        matches!(self, Self::Motion | Self::All)
-    }
-
-    fn has_playback(self) -> bool {
-        matches!(self, Self::Playback | Self::All)
+    /// Whether it is this suite, or all of them.
+    fn has(self, suite: Self) -> bool {
+        self == suite || self == Self::All
     }
 }
 
@@ -94,13 +82,13 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     accuracy::check(args)?;
     let (machine, playback, held, still) = (Machine::detect(), vec![], vec![], vec![]);
     let mut report = BenchReport { machine, runs: vec![], playback, held, still, integration: vec![] };
-    if !args.suite.is_accuracy_alone() {
+    if args.suite != Suite::Accuracy {
         args.scene.check_adapter()?;
         for path in &args.stores {
             run_moving(path, args, terminal, &mut report)?;
         }
     }
-    if args.suite.has_accuracy() {
+    if args.suite.has(Suite::Accuracy) {
         let (runs, adapter) = accuracy::run(args, terminal)?;
         report.runs.extend(runs);
         report.machine.adapter = adapter.or(report.machine.adapter);
@@ -116,46 +104,39 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// The frame and playback suites on one series.
+/// The frame, playback and motion suites on one series.
 fn run_moving(path: &Path, args: &Args, terminal: &Terminal, report: &mut BenchReport) -> anyhow::Result<()> {
     let store = source::open(path, terminal)?;
     memory::check(args.image.size, 1)?;
     let mut scene = args.scene.open(&store, args.image.size, None, &terminal.cancel)?;
+    let (dataset, request, pipeline) = (source::name_of(path), scene.request(0)?, &mut scene.pipeline);
+    let frames = args.frames as usize;
     for (motion, judged) in args.suite.runs() {
         terminal.check_interrupted()?;
-        let bench = FrameBench {
-            dataset: dataset_name(path),
-            request: scene.request(0).map_err(of_scene)?,
-            motion,
-            frames: args.frames as usize,
-            judged,
-        };
-        terminal.begin("bench", u64::from(args.frames), "frames");
-        let measured = run_frames(&mut scene.pipeline, &bench, terminal, &terminal.cancel);
+        let (dataset, request) = (dataset.clone(), request.clone());
+        let bench = FrameBench { dataset, request, motion, frames, judged };
+        terminal.begin("bench", frames as u64, "frames");
+        report.runs.push(run_frames(pipeline, &bench, terminal, &terminal.cancel)?);
         terminal.end();
-        report.runs.push(measured?);
     }
-    if args.suite.has_playback() {
-        report.playback.push(run_playback_on(path, &mut scene, args, terminal)?);
+    if args.suite.has(Suite::Playback) {
+        let bench = PlaybackBench { dataset: dataset.clone(), request: request.clone(), pairs: frames };
+        let series = pipeline.series().clone();
+        let open = || args.scene.new_pipeline(&series);
+        terminal.begin("bench", 2 * frames as u64, "pairs and seeks");
+        report.playback.push(run_playback(&open, &bench, terminal, &terminal.cancel)?);
+        terminal.end();
     }
-    if args.suite.has_motion() {
-        report.held.push(run_held_on(path, &mut scene, args, terminal)?);
-        let request = scene.request(0).map_err(of_scene)?;
-        let still = run_still(&mut scene.pipeline, &dataset_name(path), &request, terminal, &terminal.cancel)?;
-        report.still.extend(still);
+    if args.suite.has(Suite::Motion) {
+        let (frames, target_ms) = (10 * frames, 1e3 / args.fps);
+        let bench = HeldBench { dataset: dataset.clone(), request: request.clone(), frames, target_ms };
+        terminal.begin("bench", frames as u64, "frames");
+        report.held.push(run_held(pipeline, &bench, terminal, &terminal.cancel)?);
+        terminal.end();
+        report.still.extend(run_still(pipeline, &dataset, &request, terminal, &terminal.cancel)?);
     }
     report.machine.adapter = gpu_report(&scene.pipeline).adapter.or(report.machine.adapter.take());
     Ok(())
-}
-
-/// The motion suite on one series.
-fn run_held_on(path: &Path, scene: &mut Scene, args: &Args, terminal: &Terminal) -> anyhow::Result<HeldRun> {
-    let (frames, request) = (10 * args.frames as usize, scene.request(0).map_err(of_scene)?);
-    let bench = HeldBench { dataset: dataset_name(path), request, frames, target_ms: 1e3 / args.fps };
-    terminal.begin("bench", frames as u64, "frames");
-    let measured = run_held(&mut scene.pipeline, &bench, terminal, &terminal.cancel);
-    terminal.end();
-    Ok(measured?)
 }
 
 /// Parses a frame rate that the player accepts.
@@ -164,21 +145,6 @@ fn target_fps(text: &str) -> Result<f64, String> {
     fps.ok_or_else(|| {
         format!("'{text}' is no rate; give {} to {} frames per second", TARGET_FPS.start(), TARGET_FPS.end())
     })
-}
-
-/// The playback suite on one series.
-fn run_playback_on(path: &Path, scene: &mut Scene, args: &Args, terminal: &Terminal) -> anyhow::Result<PlaybackRun> {
-    let pairs = args.frames as usize;
-    let bench = PlaybackBench { dataset: dataset_name(path), request: scene.request(0).map_err(of_scene)?, pairs };
-    terminal.begin("bench", 2 * u64::from(args.frames), "pairs and seeks");
-    let series = scene.pipeline.series().clone();
-    let measured = run_playback(&|| args.scene.new_pipeline(&series), &bench, terminal, &terminal.cancel);
-    terminal.end();
-    Ok(measured?)
-}
-
-fn dataset_name(path: &Path) -> String {
-    path.file_stem().map_or_else(|| path.display().to_string(), |s| s.to_string_lossy().into_owned())
 }
 
 /// Number of segments for each length, method and transfer function.

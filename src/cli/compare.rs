@@ -62,7 +62,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         image::write_png(path, &sheet, None, PngDepth::Eight)?;
         terminal.say(&format!("wrote {}: first, second, difference times {factor}", path.display()));
     }
-    print_result(args.json, &comparison, &Text(&comparison))?;
+    print_result(args.json, &comparison, &comparison)?;
     let failed = args.fail_above.is_some_and(|bound| bound.is_nan() || metrics.max > bound);
     Ok(if failed { Outcome::CheckFailed } else { Outcome::Done })
 }
@@ -89,31 +89,22 @@ struct Comparison {
     id: Option<IdMetrics>,
 }
 
-struct Text<'a>(&'a Comparison);
-
-impl fmt::Display for Text<'_> {
+impl fmt::Display for Comparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let m = &self.0.metrics;
+        let m = &self.metrics;
         writeln!(
             f,
             "max {:.3e}  rmse {:.3e}  psnr {:.2} dB  ssim {:.5}  flip {:.5}",
             m.max, m.rmse, m.psnr, m.ssim, m.flip
         )?;
-        if let Some(d) = &self.0.depth {
-            let PlaneMetrics { max, rmse, compared, unmatched } = d;
+        for (plane, unit, metrics) in [("depth", "", &self.depth), ("normal", " degrees", &self.normal)] {
+            let Some(PlaneMetrics { max, rmse, compared, unmatched }) = metrics else { continue };
             writeln!(
                 f,
-                "depth: max {max:.3e}  rmse {rmse:.3e}  over {compared} pixels; {unmatched} in one image only"
+                "{plane}: max {max:.3e}{unit}  rmse {rmse:.3e}  over {compared} pixels; {unmatched} in one image only"
             )?;
         }
-        if let Some(n) = &self.0.normal {
-            let PlaneMetrics { max, rmse, compared, unmatched } = n;
-            writeln!(
-                f,
-                "normal: max {max:.3e} degrees  rmse {rmse:.3e}  over {compared} pixels; {unmatched} in one image only"
-            )?;
-        }
-        match &self.0.id {
+        match &self.id {
             Some(IdMetrics { different, compared }) => writeln!(f, "id: {different} of {compared} pixels differ"),
             None => Ok(()),
         }

@@ -1,21 +1,21 @@
 //! `tetreel demo`: generates a series and shows it.
 
+use super::Outcome;
 #[cfg(feature = "gui")]
 use super::play::{self, Playing};
 use super::progress::Terminal;
 use super::scene::{SceneArgs, SizePx};
-use super::{Outcome, render, source};
 use crate::export::run::{Output, Plan, Run};
 use crate::export::sequence::FramePattern;
 use crate::export::still::{Background, StillOptions};
 use crate::image::{self, PngDepth};
-use crate::ingest::IngestOptions;
-use crate::look::DEFAULT_TF;
+use crate::ingest::{IngestOptions, ingest};
 use crate::store::Store;
 use crate::synth::{SeriesName, SynthSpec, generate};
 #[cfg(feature = "gui")]
 use crate::ui::window::{Start, WindowError};
 use anyhow::Context;
+use clap::{Args as _, FromArgMatches};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -51,26 +51,12 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     std::fs::create_dir_all(dir).with_context(|| format!("{}: cannot make the folder", dir.display()))?;
     let store_path = dir.join("demo_jet.zarr");
     let options = IngestOptions { overwrite: true, ..Default::default() };
-    let report = source::run_ingest(&series, &store_path, &options, terminal)?;
+    let report = ingest(&series, &store_path, &options, terminal, &terminal.cancel)?;
     terminal.say(&report.to_string());
 
-    let scene_args = SceneArgs {
-        field: None,
-        tf: DEFAULT_TF.into(),
-        range: Default::default(),
-        opacity_kind: Default::default(),
-        unit_distance: None,
-        camera: Some(CAMERA.to_owned()),
-        faces: Default::default(),
-        mode: Default::default(),
-        backend: Default::default(),
-        #[cfg(feature = "gpu")]
-        adapter: String::new(),
-        block_memory: Default::default(),
-        optics: Default::default(),
-        surfaces: Default::default(),
-        skip: Default::default(),
-    };
+    let options = SceneArgs::augment_args(clap::Command::new("demo"));
+    let matches = options.try_get_matches_from(["demo", "--camera", CAMERA])?;
+    let scene_args = SceneArgs::from_arg_matches(&matches)?;
     let store = Store::open(&store_path)?;
     #[cfg(feature = "gui")]
     if play::has_display() && !args.no_window {
@@ -95,7 +81,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     let plan = Plan::of_steps(&steps, scene.pipeline.times());
     let output = Output::Images { pattern: pattern.clone(), options };
     let run = Run { plan, output, annotator: None, resume: false };
-    run.render(&mut scene, terminal).map_err(render::of_run)?;
+    run.render(&mut scene, terminal)?;
 
     let shown = (0..SHEET.0 * SHEET.1).map(|i| pattern.path(2 * i + 1));
     let frames = shown.map(|path| image::read_png(&path)).collect::<Result<Vec<_>, _>>()?;

@@ -1,16 +1,14 @@
 //! `tetreel export`: the steps of a store, or surfaces of them, as files that other programs read.
 
 use super::progress::Terminal;
-use super::{Interrupted, Outcome, print_result, source, steps};
+use super::{Outcome, print_result, source, steps};
 use crate::export::StoredSeries;
-use crate::export::surface::{self, Shape, SurfaceError, SurfaceOptions, SurfaceReport};
-use crate::export::vtu::{self, VtuError, VtuOptions, VtuReport};
+use crate::export::surface::{self, Shape, SurfaceOptions};
+use crate::export::vtu::{self, VtuOptions};
 use crate::field::FieldSelector;
 use crate::ingest::StepRange;
 use crate::render::surfaces::Cut;
-use crate::store::Store;
 use anyhow::bail;
-use std::fmt;
 use std::path::PathBuf;
 
 /// Write the steps of a store, or surfaces of them, as files that other programs read
@@ -89,68 +87,19 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     }
     let store = source::open(&args.store, terminal)?;
     let count = store.times().len();
-    let steps = steps::within_series(args.steps, count, terminal).select(count)?;
+    let steps = Some(steps::within_series(args.steps, count, terminal).select(count)?);
     match shape {
-        Some(shape) => write_surfaces(args, &store, shape, steps, terminal),
-        None => write_series(args, &store, steps, terminal),
-    }
-}
-
-fn write_series(args: &Args, store: &Store, steps: Vec<usize>, terminal: &Terminal) -> anyhow::Result<Outcome> {
-    let series = StoredSeries::new(store, &args.fields)?;
-    let options = VtuOptions { steps: Some(steps), ..VtuOptions::default() };
-    match vtu::write_collection(&series, &args.output, &options, terminal, &terminal.cancel) {
-        Err(VtuError::Cancelled) => Err(Interrupted.into()),
-        Err(error) => Err(error.into()),
-        Ok(report) => {
-            print_result(args.json, &report, &Written(&report))?;
-            Ok(Outcome::Done)
+        Some(shape) => {
+            let options = SurfaceOptions { shape, fields: args.fields.clone(), steps };
+            let report = surface::write_surfaces(&store, &args.output, &options, terminal, &terminal.cancel)?;
+            print_result(args.json, &report, &report)?;
+        }
+        None => {
+            let series = StoredSeries::new(&store, &args.fields)?;
+            let options = VtuOptions { steps, ..VtuOptions::default() };
+            let report = vtu::write_collection(&series, &args.output, &options, terminal, &terminal.cancel)?;
+            print_result(args.json, &report, &report)?;
         }
     }
-}
-
-fn write_surfaces(
-    args: &Args,
-    store: &Store,
-    shape: Shape,
-    steps: Vec<usize>,
-    terminal: &Terminal,
-) -> anyhow::Result<Outcome> {
-    let options = SurfaceOptions { shape, fields: args.fields.clone(), steps: Some(steps) };
-    match surface::write_surfaces(store, &args.output, &options, terminal, &terminal.cancel) {
-        Err(SurfaceError::Cancelled) => Err(Interrupted.into()),
-        Err(error) => Err(error.into()),
-        Ok(report) => {
-            print_result(args.json, &report, &WrittenSurfaces(&report))?;
-            Ok(Outcome::Done)
-        }
-    }
-}
-
-/// The report as a line.
-pub(super) struct Written<'a>(pub(super) &'a VtuReport);
-
-impl fmt::Display for Written<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let VtuReport { pvd, steps, bytes } = self.0;
-        writeln!(f, "{}: {steps} steps, {:.1} MB", pvd.display(), *bytes as f64 / 1e6)
-    }
-}
-
-/// The report of surfaces as a line.
-struct WrittenSurfaces<'a>(&'a SurfaceReport);
-
-impl fmt::Display for WrittenSurfaces<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let SurfaceReport { output, steps, triangles, points, bytes, .. } = self.0;
-        let megabytes = *bytes as f64 / 1e6;
-        write!(f, "{}: {steps} steps, {triangles} triangles of {points} points, {megabytes:.1} MB", output.display())?;
-        if self.0.empty_steps > 0 {
-            write!(f, "; {} steps have no triangle", self.0.empty_steps)?;
-        }
-        if self.0.dropped_triangles > 0 {
-            write!(f, "; {} triangles without area are left out", self.0.dropped_triangles)?;
-        }
-        writeln!(f)
-    }
+    Ok(Outcome::Done)
 }

@@ -2,13 +2,12 @@
 
 use super::append::Job;
 use super::progress::Terminal;
-use super::{Outcome, print_result, source, steps};
+use super::{Outcome, print_result, steps};
 use crate::codec::vq::MAX_ENTRIES;
 use crate::codec::{CODECS, codec_of};
-use crate::error::FileResult;
 use crate::field::{FieldInfo, FieldSelector, SeriesSource};
 use crate::import::{self, Format};
-use crate::ingest::{CodecChoice, FieldUnits, IngestOptions, StepRange, check_fields};
+use crate::ingest::{CodecChoice, FieldUnits, IngestOptions, StepRange, check_fields, ingest};
 use crate::mesh::{Mesh, RepairReport};
 use anyhow::bail;
 use clap::builder::PossibleValuesParser;
@@ -32,20 +31,20 @@ pub(super) struct Args {
     /// A .pvd or .xdmf file, several .vtu files (one a step, in the natural order of their names), or several .xdmf files
     /// (each with other fields)
     #[arg(required = true, value_name = "SOURCE")]
-    sources: Vec<PathBuf>,
+    pub(super) sources: Vec<PathBuf>,
     /// The store to write
     #[arg(short, long, value_name = "NAME.zarr", required_unless_present = "dry_run")]
     output: Option<PathBuf>,
     /// Field to import: NAME, NAME:mag or NAME:0 (again for more; default: all)
     #[arg(long = "field", value_name = "FIELD")]
-    fields: Vec<FieldSelector>,
+    pub(super) fields: Vec<FieldSelector>,
     /// Unit of a field, shown by info and on legends; that of a vector is also that of its components and magnitude
     /// (again for more)
     #[arg(long, value_name = "FIELD=UNIT")]
-    units: Vec<FieldUnits>,
+    pub(super) units: Vec<FieldUnits>,
     /// Steps A..B:S, zero-based, both ends included
     #[arg(long, value_name = "A..B:S", default_value = "0..")]
-    steps: StepRange,
+    pub(super) steps: StepRange,
     #[arg(long, value_parser = PossibleValuesParser::new(CODECS.iter().map(|codec| codec.name)), help = codec_help())]
     codec: Option<String>,
     /// Entries of each codebook of vq: more are larger and closer to the truth [default: 256]
@@ -72,21 +71,13 @@ pub(super) struct Args {
     follow: Option<f64>,
     /// Print the report as JSON
     #[arg(long)]
-    json: bool,
+    pub(super) json: bool,
 }
 
 pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     let codec = codec(args)?;
     if let (true, Some(output)) = (args.append, &args.output) {
-        let job = Job {
-            sources: &args.sources,
-            output,
-            fields: &args.fields,
-            units: &args.units,
-            steps: args.steps,
-            codec: args.codec.as_ref().map(|_| codec.clone()),
-            json: args.json,
-        };
+        let job = Job { args, output, codec: args.codec.as_ref().map(|_| codec.clone()) };
         return match (args.follow, args.dry_run && output.symlink_metadata().is_ok()) {
             (Some(seconds), _) => job.follow(Duration::from_secs_f64(seconds), terminal),
             (None, true) => job.plan(terminal),
@@ -98,7 +89,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
 }
 
 fn import(args: &Args, codec: CodecChoice, terminal: &Terminal) -> anyhow::Result<Outcome> {
-    let series = open(&args.sources)?;
+    let series = import::open_many(&args.sources)?;
     let (fields, units) = (args.fields.clone(), args.units.clone());
     let steps = steps::within_series(args.steps, series.times().len(), terminal);
     let options = IngestOptions { fields, units, steps, overwrite: args.overwrite, codec };
@@ -108,17 +99,9 @@ fn import(args: &Args, codec: CodecChoice, terminal: &Terminal) -> anyhow::Resul
         print_result(args.json, &plan, &plan)?;
         return Ok(Outcome::Done);
     };
-    let report = source::run_ingest(&*series, output, &options, terminal)?;
+    let report = ingest(&*series, output, &options, terminal, &terminal.cancel)?;
     print_result(args.json, &report, &report)?;
     Ok(Outcome::Done)
-}
-
-/// Opens the sources.
-pub(super) fn open(sources: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
-    match sources {
-        [one] => import::open(one),
-        many => import::open_many(many),
-    }
 }
 
 fn seconds(text: &str) -> Result<f64, String> {

@@ -24,7 +24,13 @@ mod surfaces;
 mod synth;
 mod trace;
 
+use crate::export::run::RunError;
+use crate::export::surface::SurfaceError;
+use crate::export::vtu::VtuError;
+use crate::ingest::{CacheError, IngestError};
 use crate::pipeline::PipelineError;
+use crate::scene::SceneError;
+use crate::task::Progress;
 use clap::{Parser, Subcommand};
 use progress::Terminal;
 use std::ffi::OsString;
@@ -121,6 +127,8 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Export(args) => export::run(args, &terminal),
         Command::Manual(args) => manual::run(args),
     };
+    // The bar of a stage that failed.
+    terminal.end();
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::CheckFailed) => EXIT_CHECK_FAILED.into(),
@@ -138,7 +146,14 @@ pub fn run(cli: Cli) -> ExitCode {
 
 /// Whether the error comes from Ctrl-C.
 fn is_interruption(error: &anyhow::Error) -> bool {
-    error.is::<Interrupted>() || matches!(error.downcast_ref(), Some(PipelineError::Cancelled))
+    error.is::<Interrupted>()
+        || matches!(error.downcast_ref(), Some(PipelineError::Cancelled))
+        || matches!(error.downcast_ref(), Some(IngestError::Cancelled))
+        || matches!(error.downcast_ref(), Some(VtuError::Cancelled))
+        || matches!(error.downcast_ref(), Some(SurfaceError::Cancelled))
+        || error.downcast_ref().is_some_and(CacheError::is_cancelled)
+        || error.downcast_ref().is_some_and(SceneError::is_cancelled)
+        || error.downcast_ref().is_some_and(RunError::is_cancelled)
 }
 
 /// Whether the reader of stdout has closed it (`tetreel info X | head -1`), which is no error.

@@ -1,7 +1,7 @@
 //! `tetreel play`: the player window.
 
 use super::progress::Terminal;
-use super::project::{self, Taker};
+use super::project;
 use super::scene::{SceneArgs, SizePx};
 use super::{Outcome, surfaces};
 use crate::export::still::Background;
@@ -64,7 +64,7 @@ fn parse_color(text: &str) -> Result<[f32; 3], String> {
 pub(super) fn run(args: &Args, words: &[OsString], terminal: &Terminal) -> anyhow::Result<Outcome> {
     match &*args.paths {
         [path] if project::is_project(path) => {
-            let opened = project::open::<Args>(path, words, Taker::Play)?;
+            let opened = project::open::<Args>(path, words, "play")?;
             let played = play(&[opened.source], &opened.args, Some(opened.project), terminal);
             played.map_err(|error| project::in_file(error, Some(path)))
         }

@@ -1,7 +1,6 @@
 //! Progress bars and messages on stderr, and interruption by Ctrl-C.
 
 use super::Interrupted;
-use crate::scene::unless_cancelled;
 use crate::task::{Cancel, Progress};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::sync::{Mutex, PoisonError};
@@ -59,14 +58,6 @@ impl Terminal {
     pub(super) fn check_interrupted(&self) -> Result<(), Interrupted> {
         if self.cancel.is_cancelled() { Err(Interrupted) } else { Ok(()) }
     }
-}
-
-/// Runs `work` on a new thread. It checks no flag and must write nothing: Ctrl-C ends the wait for it, and then the process.
-pub(super) fn unless_interrupted<T: Send + 'static>(
-    cancel: &Cancel,
-    work: impl FnOnce() -> T + Send + 'static,
-) -> Result<T, Interrupted> {
-    unless_cancelled(cancel, work).ok_or(Interrupted)
 }
 
 impl Progress for Terminal {

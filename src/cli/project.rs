@@ -2,10 +2,12 @@
 
 use super::Cli;
 use crate::export::movie::MovieFormat;
+use crate::export::run::RunError;
 use crate::export::still::StillFormat;
 use crate::files;
 use crate::pipeline::RenderMode;
 use crate::project::{LookSettings, Output, Project, ProjectError};
+use crate::scene::SceneError;
 use anyhow::{Context, bail};
 use clap::parser::ValueSource;
 use clap::{ArgMatches, CommandFactory, FromArgMatches};
@@ -24,25 +26,6 @@ pub(super) struct Opened<A> {
     pub(super) args: Box<A>,
 }
 
-/// A command that takes a project.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Taker {
-    Render,
-    #[cfg(feature = "gui")]
-    Play,
-}
-
-impl Taker {
-    /// Name of the subcommand.
-    fn word(self) -> &'static str {
-        match self {
-            Self::Render => "render",
-            #[cfg(feature = "gui")]
-            Self::Play => "play",
-        }
-    }
-}
-
 /// Options that timeline keys would change from frame to frame; given by the user, they hold for all frames.
 const ON_THE_TIMELINE: [&str; 4] = ["tf", "camera", "lod", "optics"];
 
@@ -51,10 +34,10 @@ pub(super) fn is_project(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
 }
 
-/// Reads the project, and parses the options again with those of the project.
-pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Taker) -> anyhow::Result<Opened<A>> {
+/// Reads the project, and parses the options again with those of the project; `word` is the subcommand, `render` or `play`.
+pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], word: &str) -> anyhow::Result<Opened<A>> {
     let mut project = Project::read(path)?;
-    let (word, wrong) = (taker.word(), "a project is for another command");
+    let wrong = "a project is for another command";
     let given = Cli::command().try_get_matches_from(words)?;
     let given = given.subcommand_matches(word).context(wrong)?;
     let says = |option: &str| given.value_source(option) == Some(ValueSource::CommandLine);
@@ -93,7 +76,7 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
     }
     let folder = files::parent_of(path);
     let mut options = scene_options(&project)?;
-    if taker == Taker::Render {
+    if word == "render" {
         leave_out_what_does_not_fit(&mut project.output, given);
         options.extend(output_options(&project, folder)?);
     }
@@ -108,7 +91,11 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
 
 /// Adds the project's file to the error, if it concerns the project.
 pub(super) fn in_file(error: anyhow::Error, project: Option<&Path>) -> anyhow::Error {
-    match project.filter(|_| error.is::<ProjectError>()) {
+    let is_in_scene = |error: &SceneError| matches!(error, SceneError::Project(_));
+    let is_of_project = error.is::<ProjectError>()
+        || error.downcast_ref().is_some_and(is_in_scene)
+        || matches!(error.downcast_ref(), Some(RunError::Scene(error)) if is_in_scene(error));
+    match project.filter(|_| is_of_project) {
         Some(file) => error.context(file.display().to_string()),
         None => error,
     }

@@ -1,7 +1,6 @@
 //! Options for data and look, shared by the commands that render.
 
 use super::Interrupted;
-use super::progress::unless_interrupted;
 use super::surfaces::{self, SurfaceArgs};
 use crate::camera::Camera;
 use crate::codec::BlockCache;
@@ -13,7 +12,7 @@ use crate::project::Project;
 use crate::render::KBuffer;
 #[cfg(feature = "gpu")]
 use crate::render::gpu::context::ContextOptions;
-use crate::scene::{Scene, SceneError};
+use crate::scene::{Scene, unless_cancelled};
 use crate::store::Store;
 use crate::task::Cancel;
 use crate::transfer::{FirstLook, Lengths, OpacityKind, RangePolicy, TransferError, TransferFunction};
@@ -90,13 +89,6 @@ pub(super) struct FaceArgs {
     inexact_order: bool,
 }
 
-impl Default for FaceArgs {
-    fn default() -> Self {
-        let FaceDetail { lod, sampling, k_buffer: KBuffer { k, exact_order } } = FaceDetail::default();
-        Self { lod, sampling, k, inexact_order: !exact_order }
-    }
-}
-
 impl FaceArgs {
     pub(super) fn detail(&self) -> FaceDetail {
         let k_buffer = KBuffer { k: self.k, exact_order: !self.inexact_order };
@@ -118,12 +110,6 @@ const DEFAULT_BLOCK_MEMORY: &str = "256M";
 /// A number of bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct ByteCount(pub(super) u64);
-
-impl Default for ByteCount {
-    fn default() -> Self {
-        Self(Series::BLOCK_BYTES)
-    }
-}
 
 impl FromStr for ByteCount {
     type Err = String;
@@ -287,7 +273,7 @@ impl SceneArgs {
             Some(first) => (Ok(first.tf), Some(first.range), first.text),
             None => {
                 let text = self.tf.clone();
-                let tf = unless_interrupted(cancel, move || TransferFunction::parse(&text))?;
+                let tf = unless_cancelled(cancel, move || TransferFunction::parse(&text)).ok_or(Interrupted)?;
                 (tf, None, self.tf.to_string_lossy().into_owned())
             }
         };
@@ -306,9 +292,9 @@ impl SceneArgs {
         // Invalid options fail here, before rendering.
         if !scene.pipeline.times().is_empty() {
             for at in project.map(|project| project.timeline.places()).unwrap_or_default() {
-                scene.request_at(0.into(), at).map_err(of_scene)?;
+                scene.request_at(0.into(), at)?;
             }
-            scene.request(0).map_err(of_scene)?;
+            scene.request(0)?;
             scene.look.camera.view(size.0, size.1)?;
         }
         Ok(scene)
@@ -321,15 +307,6 @@ impl SceneArgs {
         #[cfg(feature = "gpu")]
         pipeline.choose_gpu(self.gpu());
         pipeline
-    }
-}
-
-/// Converts the error of a scene to its cause, so that causes can be told apart.
-pub(super) fn of_scene(error: SceneError) -> anyhow::Error {
-    match error {
-        SceneError::Project(error) => error.into(),
-        error if error.is_cancelled() => Interrupted.into(),
-        error => error.into(),
     }
 }
 
@@ -358,7 +335,7 @@ mod tests {
             [bytes("0"), bytes("3k"), bytes("64M"), bytes("2G")],
             [Some(0), Some(3072), Some(64 << 20), Some(2 << 30)]
         );
-        assert_eq!(DEFAULT_BLOCK_MEMORY.parse(), Ok(ByteCount::default()));
+        assert_eq!(DEFAULT_BLOCK_MEMORY.parse(), Ok(ByteCount(Series::BLOCK_BYTES)));
         assert_eq!([bytes(""), bytes("M"), bytes("1KK"), bytes("-1"), bytes("1e3"), bytes("99999999999G")], [None; 6]);
     }
 }

@@ -1,12 +1,14 @@
 //! Commands that take a store also take a SOURCE, which is imported to a cache first.
 
-use super::Interrupted;
 use super::progress::Terminal;
-use crate::field::SeriesSource;
-use crate::ingest::{CacheError, CacheEvent, ImportCache, IngestError, IngestOptions, IngestReport, Origin, ingest};
+use crate::ingest::{CacheEvent, ImportCache, Origin};
 use crate::store::Store;
-use crate::task::Progress;
 use std::path::Path;
+
+/// Name of a series, of a store or of a project, for titles and records.
+pub(super) fn name_of(path: &Path) -> String {
+    path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
 
 /// Opens a store, or imports a foreign file to the cache ([`ImportCache`]) and opens that.
 pub(super) fn open(path: &Path, terminal: &Terminal) -> anyhow::Result<Store> {
@@ -18,14 +20,8 @@ pub(super) fn open(path: &Path, terminal: &Terminal) -> anyhow::Result<Store> {
             terminal.say(&format!("importing {} to {}", path.display(), cached.display()));
         }
     };
-    let opened = ImportCache::of_user().open_or_import(&[path.to_owned()], &mut announce, terminal, &terminal.cancel);
-    if opened.is_err() {
-        terminal.end();
-    }
-    let (store, origin) = opened.map_err(|error| match error {
-        CacheError::Import(error) => ended(error),
-        other => other.into(),
-    })?;
+    let cache = ImportCache::of_user();
+    let (store, origin) = cache.open_or_import(&[path.to_owned()], &mut announce, terminal, &terminal.cancel)?;
     match origin {
         Origin::Store => {}
         Origin::Cached => {
@@ -34,26 +30,4 @@ pub(super) fn open(path: &Path, terminal: &Terminal) -> anyhow::Result<Store> {
         Origin::Imported(report) => terminal.detail(&report.to_string()),
     }
     Ok(store)
-}
-
-/// Imports with a progress bar; Ctrl-C cancels and leaves no files.
-pub(super) fn run_ingest(
-    source: &dyn SeriesSource,
-    out: &Path,
-    options: &IngestOptions,
-    terminal: &Terminal,
-) -> anyhow::Result<IngestReport> {
-    let result = ingest(source, out, options, terminal, &terminal.cancel);
-    if result.is_err() {
-        terminal.end();
-    }
-    result.map_err(ended)
-}
-
-/// Converts the error of an import.
-pub(super) fn ended(error: IngestError) -> anyhow::Error {
-    match error {
-        IngestError::Cancelled => Interrupted.into(),
-        other => other.into(),
-    }
 }

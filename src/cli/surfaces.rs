@@ -15,7 +15,7 @@ use anyhow::{Context, bail};
 use std::sync::Arc;
 
 /// Surfaces in the volume, and whether the volume is shown.
-#[derive(Clone, Debug, Default, clap::Args)]
+#[derive(Clone, Debug, clap::Args)]
 pub(super) struct SurfaceArgs {
     /// Isosurface at a value of the field, once for each (at most 32): VALUE[:COLOR[/BACK]][:OPACITY], COLOR as #rrggbb (default: that of
     /// the transfer function), BACK that of the side towards higher values; VALUE:by=FIELD[@MAP[:OPACITY]] has the colours of another field

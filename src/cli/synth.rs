@@ -1,12 +1,11 @@
 //! `tetreel synth`: generated series.
 
-use super::export::Written;
 use super::progress::Terminal;
-use super::{Interrupted, Outcome, print_result, source};
-use crate::export::vtu::{self, VtuError, VtuOptions};
+use super::{Outcome, print_result};
+use crate::export::vtu::{self, VtuOptions};
 use crate::field::{Association, FieldSelector, SeriesSource};
 use crate::import::{self, Format};
-use crate::ingest::IngestOptions;
+use crate::ingest::{IngestOptions, ingest};
 use crate::synth::{FadedSeries, SeriesName, SynthSpec, generate};
 use anyhow::Context;
 use std::path::{Path, PathBuf};
@@ -90,7 +89,7 @@ fn faded(args: &Args, from: &Path, steps: usize) -> anyhow::Result<FadedSeries> 
 fn write(args: &Args, series: &dyn SeriesSource, cells: u64, terminal: &Terminal) -> anyhow::Result<Outcome> {
     if args.output.extension().is_some_and(|e| e == "zarr") {
         let options = IngestOptions { overwrite: args.overwrite, ..Default::default() };
-        let report = source::run_ingest(series, &args.output, &options, terminal)?;
+        let report = ingest(series, &args.output, &options, terminal, &terminal.cancel)?;
         print_result(args.json, &report, &report)?;
         return Ok(Outcome::Done);
     }
@@ -99,12 +98,8 @@ fn write(args: &Args, series: &dyn SeriesSource, cells: u64, terminal: &Terminal
             "{cells} cells as .vtu files would repeat the mesh in every step; above {VTU_CELLS_MAX} write a store: -o NAME.zarr"
         );
     }
-    match vtu::write_series(series, &args.output, &VtuOptions::default(), terminal, &terminal.cancel) {
-        Err(VtuError::Cancelled) => Err(Interrupted.into()),
-        Err(error) => Err(error.into()),
-        Ok(report) => {
-            print_result(args.json, &report, &Written(&report))?;
-            Ok(Outcome::Done)
-        }
-    }
+    let options = VtuOptions::default();
+    let report = vtu::write_series(series, &args.output, &options, terminal, &terminal.cancel)?;
+    print_result(args.json, &report, &report)?;
+    Ok(Outcome::Done)
 }

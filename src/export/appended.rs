@@ -1,7 +1,7 @@
 //! Common parts of `.vtu` and `.vtp` files: an XML head that gives the offset of each array in the raw appended data behind it.
 //!
 //! Arrays are blocks of a UInt64 byte count and little-endian values. All sizes are known before the first value is
-//! written, so the file is written once from front to back.
+//! written, so the file is written once from front to back: an array is declared together with the values that follow later.
 
 use super::xml;
 use crate::error::{FileError, FileResult};
@@ -28,16 +28,22 @@ impl Values {
     }
 }
 
-/// The XML head of a file, and the offset of the next array.
-pub(super) struct Head {
+/// A file before it is written: its XML head, and its arrays.
+pub(super) struct Appended<'a> {
+    kind: &'static str,
     /// XML text so far.
     pub text: String,
+    /// Offset of the next array.
     offset: u64,
+    blocks: Vec<Block<'a>>,
 }
 
-impl Head {
+/// Writes the values of an array.
+type Block<'a> = Box<dyn FnOnce(&mut BufWriter<File>) -> io::Result<()> + 'a>;
+
+impl<'a> Appended<'a> {
     /// Begins a file of this type; its first array is the time.
-    pub fn begin(kind: &str) -> Self {
+    pub fn begin(kind: &'static str, time: f64) -> Self {
         // VTK reads the number of values of field data from a separate attribute.
         let text = format!(
             "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
@@ -46,31 +52,35 @@ impl Head {
             <DataArray type=\"Float64\" Name=\"TimeValue\" NumberOfTuples=\"1\" format=\"appended\" offset=\"0\"/>\n\
             </FieldData>\n"
         );
-        Self { text, offset: 2 * size_of::<f64>() as u64 }
+        let time: Block<'a> = Box::new(move |out| block(out, 1, std::iter::once(time.to_le_bytes())));
+        Self { kind, text, offset: 2 * size_of::<f64>() as u64, blocks: vec![time] }
     }
 
-    /// The XML up to the appended data.
-    pub fn end(self, kind: &str) -> String {
-        self.text + &format!("</{kind}>\n<AppendedData encoding=\"raw\">\n_")
-    }
-
-    /// Declares an array of `tuples` tuples of `components` numbers of `bytes` bytes; `name` is escaped.
-    pub fn array(&mut self, kind: &str, name: &str, components: usize, tuples: usize, bytes: usize) {
+    /// Adds an array of `tuples` tuples of `components` numbers; `name` is escaped.
+    pub fn array<const N: usize>(
+        &mut self,
+        kind: &str,
+        name: &str,
+        (components, tuples): (usize, usize),
+        values: impl Iterator<Item = [u8; N]> + 'a,
+    ) {
         // A 1 is omitted, as by VTK: meshio reads an array that gives it as having two axes.
         let width = if components == 1 { String::new() } else { format!(" NumberOfComponents=\"{components}\"") };
         self.text += &format!(
             "<DataArray type=\"{kind}\" Name=\"{name}\"{width} format=\"appended\" offset=\"{}\"/>\n",
             self.offset
         );
-        self.offset += (size_of::<u64>() + components * tuples * bytes) as u64;
+        let count = components * tuples;
+        self.offset += (size_of::<u64>() + count * N) as u64;
+        self.blocks.push(Box::new(move |out| block(out, count, values)));
     }
 
-    /// Declares the fields of points or of cells, and checks their names.
+    /// Adds the fields of points or of cells, and checks their names.
     pub fn fields(
         &mut self,
         tag: &str,
         of: Association,
-        fields: &[Values],
+        fields: &'a [Values],
         tuples: usize,
         path: &Path,
     ) -> FileResult<()> {
@@ -81,19 +91,24 @@ impl Head {
                 FileError::unsupported(path, place, "XML cannot express a character of the name")
                     .remedy("rename the field")
             })?;
-            self.array("Float32", &name, field.info.components, tuples, size_of::<f32>());
+            self.array("Float32", &name, (field.info.components, tuples), interleaved(field));
         }
         self.text += &format!("</{tag}>\n");
         Ok(())
     }
+
+    /// Creates the file `path`; returns its size.
+    pub fn write(self, path: &Path) -> FileResult<u64> {
+        write(path, |out| {
+            write!(out, "{}</{}>\n<AppendedData encoding=\"raw\">\n_", self.text, self.kind)?;
+            self.blocks.into_iter().try_for_each(|block| block(out))?;
+            out.write_all(b"\n</AppendedData>\n</VTKFile>\n")
+        })
+    }
 }
 
 /// Writes one block: its size in bytes, then `count` values.
-pub(super) fn block<const N: usize>(
-    out: &mut impl Write,
-    count: usize,
-    values: impl Iterator<Item = [u8; N]>,
-) -> io::Result<()> {
+fn block<const N: usize>(out: &mut impl Write, count: usize, values: impl Iterator<Item = [u8; N]>) -> io::Result<()> {
     out.write_all(&((count * N) as u64).to_le_bytes())?;
     let mut written = 0;
     for value in values {
@@ -105,13 +120,10 @@ pub(super) fn block<const N: usize>(
 }
 
 /// The values of a field, interleaved by tuple.
-pub(super) fn tuples(field: &Values) -> impl Iterator<Item = [u8; 4]> + '_ {
+fn interleaved(field: &Values) -> impl Iterator<Item = [u8; 4]> + '_ {
     let count = field.components.first().map_or(0, Vec::len);
     (0..count).flat_map(|i| field.components.iter().map(move |values| values[i].to_le_bytes()))
 }
-
-/// Text after the last array.
-pub(super) const END: &[u8] = b"\n</AppendedData>\n</VTKFile>\n";
 
 /// Creates the file `path`; returns its size.
 pub(super) fn write(path: &Path, content: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> FileResult<u64> {

@@ -345,18 +345,14 @@ impl MovieWriter {
             Some(Ok(result)) => result,
             Some(Err(panic)) => std::panic::resume_unwind(panic),
         };
-        let said = self.last_words();
+        // The error messages of the process at its end.
+        let said = self.messages.recv_timeout(LAST_WORDS).unwrap_or_default();
         match fed {
             // A full disk may not show in the exit status: an index that could not be written is only an error message.
             Ok(frames) if status.success() && said.is_empty() => Ok(frames),
             Err(_) if status.success() => Err(self.failure("ended before it had read all frames", &said)),
             Ok(_) | Err(_) => Err(self.failure(&format!("ended with {status}"), &said)),
         }
-    }
-
-    /// The error messages of the process at its end.
-    fn last_words(&self) -> String {
-        self.messages.recv_timeout(LAST_WORDS).unwrap_or_default()
     }
 
     fn failure(&self, what: &str, said: &str) -> MovieError {

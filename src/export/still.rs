@@ -59,17 +59,13 @@ impl FrameAttributes {
             let (lo, hi) = (range.lo(), range.hi());
             if range.is_log() { RangePolicy::LogManual(lo, hi) } else { RangePolicy::Manual(lo, hi) }.to_string()
         });
-        let opacity_kind = match self.opacity_kind {
-            OpacityKind::Alpha => "alpha",
-            OpacityKind::Extinction => "extinction",
-        };
         let texts = [
             ("field", self.field.as_str()),
             ("units", self.units.as_deref().unwrap_or_default()),
             ("camera", &self.camera),
             ("transferFunction", &self.transfer_function),
             ("range", &range),
-            ("opacityKind", opacity_kind),
+            ("opacityKind", self.opacity_kind.as_str()),
         ];
         let numbers = [
             ("time", self.time),

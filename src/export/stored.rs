@@ -46,19 +46,16 @@ impl<'a> StoredSeries<'a> {
             if cell_turned[cell as usize] { [a, b, d, c] } else { [a, b, c, d] }
         };
         let tets: Vec<_> = cells.iter().map(tet).collect();
-        let (mut fields, mut readers) = (Vec::new(), Vec::new());
-        for Group { name, components } in chosen(store, selectors)? {
-            fields.push(FieldInfo { name, components: components.len(), association: Association::Point });
-            readers.push(components);
-        }
+        let chosen = chosen(store, selectors)?.into_iter();
+        let (fields, readers) = chosen.map(|Group { info, components }| (info, components)).unzip();
         let buffer = Mutex::new(vec![0.0; vertices.len()]);
         Ok(Self { store, mesh: RawMesh { points, cells: tets.into() }, fields, readers, vertices, buffer })
     }
 }
 
-/// A field to write: its name and components.
+/// A field to write, with its components.
 pub(super) struct Group {
-    pub name: String,
+    pub info: FieldInfo,
     /// A reader per component.
     pub components: Vec<FieldReader>,
 }
@@ -86,7 +83,8 @@ pub(super) fn chosen(store: &Store, selectors: &[FieldSelector]) -> FileResult<V
         store.field(&whole)
     };
     let group = |(name, components): (String, Vec<String>)| {
-        Ok(Group { name, components: components.iter().map(reader).collect::<FileResult<_>>()? })
+        let info = FieldInfo { name, components: components.len(), association: Association::Point };
+        Ok(Group { info, components: components.iter().map(reader).collect::<FileResult<_>>()? })
     };
     names.into_iter().map(group).collect()
 }

@@ -161,16 +161,13 @@ impl Project {
     fn check_maps(&self) -> Result<(), ProjectError> {
         let tracks = &self.timeline.maps;
         for (i, track) in tracks.iter().enumerate() {
-            let named = || (track.ensemble.clone(), track.member.clone());
             let ensemble = self.found(&track.ensemble)?;
             if !ensemble.members.iter().any(|member| member.name == track.member) {
-                let (ensemble, member) = named();
-                return Err(ProjectError::NoMember(ensemble, member));
+                return Err(ProjectError::NoMember(track.ensemble.clone(), track.member.clone()));
             }
             let is_other = |other: &MapTrack| (&other.ensemble, &other.member) == (&track.ensemble, &track.member);
             if tracks.iter().take(i).any(is_other) {
-                let (ensemble, member) = named();
-                return Err(ProjectError::MapsTaken(ensemble, member));
+                return Err(ProjectError::MapsTaken(track.ensemble.clone(), track.member.clone()));
             }
         }
         Ok(())

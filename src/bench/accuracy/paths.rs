@@ -1,5 +1,6 @@
 //! The paths that the suite measures: most change one setting, some a pair of settings.
 
+use super::summary::distinct;
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
 use crate::pipeline::{Backend, FaceDetail, ImageScale, RenderMode, UpsampleFilter, UpsampleKind, Upsampling};
@@ -97,14 +98,7 @@ pub fn paths(backends: &[Backend]) -> Vec<AccuracyPath> {
     }
     all.extend(PAIRS);
     // The default face path occurs again among the k-buffers.
-    let mut seen = Vec::new();
-    all.retain(|path| {
-        !seen.contains(path) && {
-            seen.push(*path);
-            true
-        }
-    });
-    on_backends(&all, backends)
+    on_backends(&distinct(all), backends)
 }
 
 /// These paths on each of the backends that support them.

@@ -124,24 +124,24 @@ pub fn front_of(all: &[PathSummary<'_>], series: &str) -> Vec<usize> {
 
 /// Names of the judged series, in order.
 pub(in crate::bench) fn series_of<'a>(all: &[PathSummary<'a>]) -> Vec<&'a str> {
-    let mut names: Vec<&str> = Vec::new();
-    all.iter().for_each(|summary| {
-        if !names.contains(&summary.series) {
-            names.push(summary.series)
-        }
-    });
-    names
+    distinct(all.iter().map(|summary| summary.series))
 }
 
 /// Names of the transfer functions of some runs, in order.
 pub(in crate::bench) fn transfer_functions_of<'a>(runs: &[&'a BenchRun]) -> Vec<&'a str> {
-    let mut names: Vec<&str> = Vec::new();
-    for scene in runs.iter().filter_map(|run| run.scene.as_ref()) {
-        if !names.contains(&scene.transfer_function.as_str()) {
-            names.push(&scene.transfer_function);
+    let scenes = runs.iter().filter_map(|run| run.scene.as_ref());
+    distinct(scenes.map(|scene| scene.transfer_function.as_str()))
+}
+
+/// The items without repetitions, in order.
+pub(super) fn distinct<T: PartialEq>(items: impl IntoIterator<Item = T>) -> Vec<T> {
+    let mut distinct = Vec::new();
+    for item in items {
+        if !distinct.contains(&item) {
+            distinct.push(item);
         }
     }
-    names
+    distinct
 }
 
 /// Runs of the accuracy suite as Markdown: a table for each series, with the Pareto front of time and error in bold.

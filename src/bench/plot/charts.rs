@@ -30,7 +30,7 @@ struct Factor {
     axis: &'static str,
     /// Whether the x axis has ticks at its points only.
     ticks_at_points: bool,
-    /// Position of a run on the x axis, and the name of its line; `None` leaves it out.
+    /// Position of a run on the x axis, and the name of its line on the CPU; `None` leaves it out.
     place: fn(&BenchRun) -> Option<(f64, &'static str)>,
     /// Whether values changed by a codec are required.
     is_of_codecs: bool,
@@ -54,10 +54,7 @@ pub(super) static CHARTS: [Kind; 7] = [
             title: "compression",
             axis: "bytes as f32 over bytes in the store [1]",
             ticks_at_points: false,
-            place: |run| {
-                (is_plain(run) && run.mode == "raycast")
-                    .then_some((run.ratio?, on(run, ["ray caster", "ray caster, GPU"])))
-            },
+            place: |run| (is_plain(run) && run.mode == "raycast").then_some((run.ratio?, "ray caster")),
             is_of_codecs: true,
         }),
     },
@@ -69,10 +66,7 @@ pub(super) static CHARTS: [Kind; 7] = [
             axis: "fragments that a pixel holds back, k [fragments]",
             ticks_at_points: true,
             place: |run| {
-                let line = match run.exact_order? {
-                    true => on(run, ["exact order", "exact order, GPU"]),
-                    false => on(run, ["as they come", "as they come, GPU"]),
-                };
+                let line = if run.exact_order? { "exact order" } else { "as they come" };
                 (run.lod == 1.0 && is_plain(run)).then_some((f64::from(run.k?), line))
             },
             is_of_codecs: false,
@@ -87,7 +81,7 @@ pub(super) static CHARTS: [Kind; 7] = [
             ticks_at_points: true,
             place: |run| {
                 let is_usual = has_usual_buffer(run) && is_plain(run);
-                is_usual.then_some((100.0 * run.lod, on(run, ["faces", "faces, GPU"])))
+                is_usual.then_some((100.0 * run.lod, "faces"))
             },
             is_of_codecs: false,
         }),
@@ -101,7 +95,7 @@ pub(super) static CHARTS: [Kind; 7] = [
             ticks_at_points: true,
             place: |run| {
                 let is_alone = run.mode == "raycast" && run.image_scale == 1.0;
-                is_alone.then_some((run.table_size? as f64, on(run, ["ray caster", "ray caster, GPU"])))
+                is_alone.then_some((run.table_size? as f64, "ray caster"))
             },
             is_of_codecs: false,
         }),
@@ -117,17 +111,12 @@ pub(super) static CHARTS: [Kind; 7] = [
                 let is_bilinear = run.upsample.as_ref().is_none_or(|filter| filter == "bilinear");
                 let is_alone =
                     run.mode == "raycast" && run.table_size.is_none() && run.contrast.is_none() && is_bilinear;
-                is_alone.then_some((run.image_scale, on(run, ["ray caster", "ray caster, GPU"])))
+                is_alone.then_some((run.image_scale, "ray caster"))
             },
             is_of_codecs: false,
         }),
     },
 ];
-
-/// The first name on the CPU, the second on the GPU.
-fn on(run: &BenchRun, names: [&'static str; 2]) -> &'static str {
-    names[usize::from(run.backend == "gpu")]
-}
 
 /// Whether a run is at full size and integrated without a table.
 fn is_plain(run: &BenchRun) -> bool {
@@ -242,7 +231,8 @@ fn lines(factor: &Factor, runs: &[&BenchRun], function: &str) -> Vec<Line> {
         if scene.transfer_function != function {
             continue;
         }
-        let name = format!("{}, {variant}", scene.series);
+        let on_gpu = if run.backend == "gpu" { ", GPU" } else { "" };
+        let name = format!("{}, {variant}{on_gpu}", scene.series);
         let at = lines.iter().position(|line| line.name == name).unwrap_or_else(|| {
             lines.push(Line { name, points: Vec::new(), style: Style::Joined });
             lines.len() - 1

@@ -3,7 +3,7 @@
 use super::super::progress::Terminal;
 use super::super::scene::gpu_report;
 use super::super::{memory, source};
-use super::{Args, dataset_name};
+use super::{Args, Suite};
 use crate::bench::accuracy::{
     AccuracyBench, CODEC_PATHS, Judged, TRANSFER_FUNCTIONS, judge, judge_runs, on_backends, paths, run_accuracy, scenes,
 };
@@ -35,7 +35,7 @@ struct Opened {
 /// Refuses impossible options before anything is measured.
 pub(super) fn check(args: &Args) -> anyhow::Result<()> {
     if let Some(folder) = &args.plot {
-        if !args.suite.has_accuracy() {
+        if !args.suite.has(Suite::Accuracy) {
             bail!("--plot shows the accuracy suite; add --suite accuracy or --suite all");
         }
         check_folder(folder)?;
@@ -45,7 +45,7 @@ pub(super) fn check(args: &Args) -> anyhow::Result<()> {
         && scene.faces.detail() == FaceDetail::default()
         && scene.optics == OpticsKind::Exact
         && scene.skip == Skip::default();
-    if args.suite.is_accuracy_alone() && !is_usual {
+    if args.suite == Suite::Accuracy && !is_usual {
         bail!(
             "--suite accuracy goes through all of --mode, --lod, --k, --inexact-order and --optics; leave them, --sampling and --skip out"
         );
@@ -101,8 +101,8 @@ fn open(path: &Path, args: &Args, terminal: &Terminal) -> anyhow::Result<Opened>
         Backend::Auto => vec![Backend::Cpu],
         one => vec![one],
     };
-    let is_unique = args.stores.iter().filter(|other| dataset_name(other) == dataset_name(path)).count() == 1;
-    let name = if is_unique { dataset_name(path) } else { path.display().to_string() };
+    let is_unique = args.stores.iter().filter(|other| source::name_of(other) == source::name_of(path)).count() == 1;
+    let name = if is_unique { source::name_of(path) } else { path.display().to_string() };
     Ok(Opened { name, ratio: ratio_of(&store, &scene)?, scene, backends })
 }
 
@@ -147,9 +147,9 @@ fn judge_all(opened: &mut Opened, args: &Args, terminal: &Terminal) -> anyhow::R
     let size = (args.image.size.0, args.image.size.1);
     let scenes = scenes(&opened.name, steps, &look.camera, size, functions, table)?;
     terminal.begin("judge", scenes.len() as u64, "scenes");
-    let judged = judge(&mut scene.pipeline, scenes, terminal, &terminal.cancel);
+    let judged = judge(&mut scene.pipeline, scenes, terminal, &terminal.cancel)?;
     terminal.end();
-    Ok(judged?)
+    Ok(judged)
 }
 
 fn measure(
@@ -169,9 +169,8 @@ fn measure(
         ratio: opened.ratio,
     };
     terminal.begin("bench", (paths.len() * judged.scenes.len()) as u64, "paths and scenes");
-    let measured = run_accuracy(&mut opened.scene.pipeline, &bench, terminal, &terminal.cancel);
+    let measured = run_accuracy(&mut opened.scene.pipeline, &bench, terminal, &terminal.cancel)?;
     terminal.end();
-    let measured = measured?;
     measured.refused.iter().for_each(|why| terminal.say(&format!("{}: not measured: {why}", opened.name)));
     let of_judge = if is_own { judge_runs(&opened.scene.pipeline, &bench) } else { Vec::new() };
     Ok([of_judge, measured.runs].concat())

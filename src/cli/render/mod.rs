@@ -4,13 +4,13 @@ mod time;
 mod upsample;
 
 use super::progress::Terminal;
-use super::project::{self, Opened, Taker};
-use super::scene::{SceneArgs, SizeArgs, gpu_report, of_scene};
+use super::project::{self, Opened};
+use super::scene::{SceneArgs, SizeArgs, gpu_report};
 use super::trace::Trace;
-use super::{Interrupted, Outcome, memory, source};
+use super::{Outcome, memory, source, steps};
 use crate::export::annotate::{AboutSeries, Annotations, Annotator};
 use crate::export::movie::{Ffmpeg, MovieOptions};
-use crate::export::run::{FrameRecord, Origin, Output, Run, RunError, Target};
+use crate::export::run::{FrameRecord, Origin, Output, Run, Target};
 use crate::export::still::{Background, FrameAttributes, StillFormat, StillOptions};
 use crate::files;
 use crate::image::{ExrColor, ExrCompression, ExrEncoding};
@@ -23,7 +23,6 @@ use crate::store::is_store;
 use crate::transfer::RangePolicy;
 use anyhow::{Context, anyhow, bail};
 use clap::builder::{OsStringValueParser, TypedValueParser};
-use serde::Serialize;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -251,7 +250,7 @@ fn is_within(path: &Path, other: &Path) -> bool {
 /// Runs the command; `words` are the whole command line, which overrides a project.
 pub(super) fn run(args: &Args, words: &[OsString], terminal: &Terminal) -> anyhow::Result<Outcome> {
     if project::is_project(&args.store) {
-        let Opened { project, source, mut args } = project::open::<Args>(&args.store, words, Taker::Render)?;
+        let Opened { project, source, mut args } = project::open::<Args>(&args.store, words, "render")?;
         args.project = Some(std::mem::replace(&mut args.store, source));
         return render(&args, Some(&project), terminal);
     }
@@ -263,17 +262,16 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
     let output = args.target()?;
     let trace = args.trace.as_deref().map(Trace::begin).transpose()?;
     let store = source::open(&args.store, terminal)?;
-    let plan = args.time.clone().within_series(store.times().len(), terminal).times().plan(store.times())?;
-    if let Target::Images(pattern) = output
-        && plan.frames.len() > 1
-        && !pattern.is_numbered()
-    {
-        bail!("{} frames need a number in the file name, such as frame_%04d.png, or a movie", plan.frames.len());
-    }
-    if let Target::Images(pattern) = output
-        && let Some(folder) = (0..plan.frames.len()).map(|frame| pattern.path(frame)).find(|path| path.is_dir())
-    {
-        bail!("{} is a folder; choose another name", folder.display());
+    let mut times = args.time.times();
+    times.steps = steps::within_series(times.steps, store.times().len(), terminal);
+    let plan = times.plan(store.times())?;
+    if let Target::Images(pattern) = output {
+        if plan.frames.len() > 1 && !pattern.is_numbered() {
+            bail!("{} frames need a number in the file name, such as frame_%04d.png, or a movie", plan.frames.len());
+        }
+        if let Some(folder) = (0..plan.frames.len()).map(|frame| pattern.path(frame)).find(|path| path.is_dir()) {
+            bail!("{} is a folder; choose another name", folder.display());
+        }
     }
     for (option, path) in args.side_files() {
         if (0..plan.frames.len()).any(|frame| same_place(path, &output.path(frame))) {
@@ -300,10 +298,10 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
         (Target::Images(pattern), _) => Output::Images { pattern: pattern.clone(), options: args.still_options()? },
     };
     let run = Run { plan, output, annotator, resume: args.resume };
-    let records = run.render(&mut scene, terminal).map_err(of_run).map_err(in_file)?;
+    let records = run.render(&mut scene, terminal).map_err(|error| in_file(error.into()))?;
     report_backend(&scene, &records, terminal);
     if let Some(path) = &args.stats {
-        write_stats(path, &records)?;
+        files::replace_with(path, serde_json::to_string_pretty(&records)?.as_bytes())?;
     }
     trace.map(Trace::end).transpose()?;
     terminal.say(&summary(&run.output, &records));
@@ -329,7 +327,7 @@ fn say_look(args: &Args, scene: &Scene, terminal: &Terminal) -> anyhow::Result<(
 fn annotator(args: &Args, output: &Target, scene: &Scene) -> Option<Annotator> {
     let field = scene.pipeline.field();
     let about = AboutSeries {
-        dataset: &dataset_name(&args.store),
+        dataset: &source::name_of(&args.store),
         field: &field.name,
         units: field.units.as_deref(),
         times: &scene.pipeline.times().values,
@@ -342,21 +340,16 @@ fn annotator(args: &Args, output: &Target, scene: &Scene) -> Option<Annotator> {
     Some(Annotator::new(args.annotate.as_ref()?, &about, background))
 }
 
-/// Name of the series for titles.
-fn dataset_name(store: &Path) -> String {
-    store.file_stem().unwrap_or(store.as_os_str()).to_string_lossy().into_owned()
-}
-
 /// Metadata of the movie.
 fn movie_options(args: &Args, scene: &Scene) -> MovieOptions {
     let project = args.project.as_deref();
-    let name = dataset_name(&args.store);
+    let name = source::name_of(&args.store);
     let field = scene.pipeline.field();
     let units = field.units.as_ref().map(|units| format!(" [{units}]")).unwrap_or_default();
     let (tf, range) = (scene.transfer_function(), scene.look.range);
     let size = args.image.size;
     let comment = match project {
-        Some(project) => format!("{}; {}: {tf}", FrameAttributes::SOFTWARE, dataset_name(project)),
+        Some(project) => format!("{}; {}: {tf}", FrameAttributes::SOFTWARE, source::name_of(project)),
         None => format!("{}; --tf {tf} --range {range} --camera {}", FrameAttributes::SOFTWARE, scene.look.camera),
     };
     MovieOptions {
@@ -420,19 +413,4 @@ fn summary(output: &Output, records: &[FrameRecord]) -> String {
         }
     };
     written + &empty
-}
-
-/// Converts the error of a run to its cause, so that causes can be told apart.
-pub(super) fn of_run(error: RunError) -> anyhow::Error {
-    match error {
-        RunError::Scene(error) => of_scene(*error),
-        error if error.is_cancelled() => Interrupted.into(),
-        error => error.into(),
-    }
-}
-
-/// Writes the statistics to a temporary file and renames it.
-fn write_stats(path: &Path, records: &[impl Serialize]) -> anyhow::Result<()> {
-    let text = serde_json::to_string_pretty(records)?;
-    Ok(files::replace_with(path, text.as_bytes())?)
 }

@@ -1,14 +1,12 @@
 //! Options for the times that a run shows, and for the turning camera.
 
-use crate::cli::progress::Terminal;
-use crate::cli::steps;
 use crate::export::movie::FrameRate;
 use crate::export::run::Times;
 use crate::ingest::StepRange;
 use anyhow::{bail, ensure};
 
 /// Options for the times shown.
-#[derive(Clone, Debug, Default, clap::Args)]
+#[derive(Debug, Default, clap::Args)]
 pub(super) struct TimeArgs {
     /// Steps A..B:S, zero-based, both ends included
     #[arg(long, value_name = "A..B:S", default_value = "0..")]
@@ -55,11 +53,6 @@ impl TimeArgs {
         ensure!(!self.interpolate || self.duration.is_some(), "--interpolate has no effect without --duration; add it");
         self.times().frame_count()?;
         Ok(())
-    }
-
-    /// The options for a series of `count` steps: steps beyond the last one are left out, which is reported.
-    pub(super) fn within_series(self, count: usize, terminal: &Terminal) -> Self {
-        Self { steps: steps::within_series(self.steps, count, terminal), ..self }
     }
 }
 

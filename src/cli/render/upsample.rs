@@ -36,16 +36,14 @@ impl UpsampleArgs {
     pub(super) fn upsampling(&self, leaves_faces_out: bool) -> anyhow::Result<Option<Upsampling>> {
         let Self { image_scale: scale, kernel, sigma_depth, layers, .. } = *self;
         let kind = match self.upsample {
-            None if scale == ImageScale::Full => {
-                self.refuse_numbers(None)?;
-                return Ok(None);
-            }
+            None if scale == ImageScale::Full => None,
             Some(kind) if scale == ImageScale::Full && !(leaves_faces_out && kind == UpsampleKind::Joint) => bail!(
                 "--upsample {kind} has nothing to do at full size; choose an --image-scale of 1/2, 1/4 or 1/8, or --lod with --upsample joint"
             ),
-            kind => kind.unwrap_or_default(),
+            kind => Some(kind.unwrap_or_default()),
         };
-        self.refuse_numbers(Some(kind))?;
+        self.refuse_numbers(kind)?;
+        let Some(kind) = kind else { return Ok(None) };
         let mut filter = kind.usual(scale);
         match &mut filter {
             UpsampleFilter::Joint { kernel_px, edges } => {

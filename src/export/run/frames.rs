@@ -7,7 +7,6 @@ use super::{FrameRecord, Origin, Run, RunError, attributes_of};
 use crate::export::annotate::ColorScale;
 use crate::export::still::{FrameAttributes, OutputFrame};
 use crate::pipeline::{FrameRequest, Pipeline, Pipelined, PipelinedOptions, SharedFrame};
-use crate::render::Frame;
 use crate::scene::Scene;
 use crate::stats::FrameStats;
 use crate::task::{Cancel, Progress};
@@ -109,7 +108,7 @@ impl Job<'_> {
             let empty = held.as_ref().filter(|_| pending.origin != Origin::Kept).map(is_empty);
             let record = pending.record(&self.run.plan, empty, stats);
             if let (Some(frame), true) = (&held, pending.origin != Origin::Kept) {
-                let mut output = output_of(frame, pending.attributes);
+                let mut output = OutputFrame { planes: frame.planes.clone(), attributes: pending.attributes };
                 if let (Some(annotator), Some((map, range))) = (&self.run.annotator, pending.scale) {
                     annotator.draw(&mut output.planes.color, record.time, &ColorScale { map: &map, range });
                 }
@@ -153,7 +152,7 @@ impl Job<'_> {
             pipelined.push(request.clone()).ok_or(RunError::Full)?;
         }
         let replaces_older = found == Found::Older;
-        Ok((Pending { index, attributes, scale, file, origin, replaces_older }, request))
+        Ok((Pending { attributes, scale, file, origin, replaces_older }, request))
     }
 }
 
@@ -165,7 +164,6 @@ const EXPECTED: usize = 256;
 
 /// A frame on its way to its file.
 struct Pending {
-    index: usize,
     attributes: FrameAttributes,
     /// Colour map and range for its annotations.
     scale: Option<(ColorMap, MappedRange)>,
@@ -177,9 +175,10 @@ struct Pending {
 
 impl Pending {
     fn record(&self, plan: &Plan, empty: Option<bool>, stats: Option<FrameStats>) -> FrameRecord {
-        let moment = plan.frames[self.index].time;
+        let frame = self.attributes.frame;
+        let moment = plan.frames[frame].time;
         FrameRecord {
-            frame: self.index,
+            frame,
             step: moment.step(),
             toward: moment.toward(),
             time: self.attributes.time,
@@ -216,9 +215,4 @@ fn request_for(scene: &mut Scene, planned: &PlannedFrame) -> Result<FrameRequest
         request.camera = request.camera.orbit(planned.azimuth_deg, 0.0)?;
     }
     Ok(request)
-}
-
-/// The written parts of a rendered frame, for images and movies alike.
-fn output_of(frame: &Frame, attributes: FrameAttributes) -> OutputFrame {
-    OutputFrame { planes: frame.planes.clone(), attributes }
 }

@@ -10,8 +10,8 @@ pub use plan::{Plan, PlanError, PlannedFrame, Times};
 pub use target::Target;
 
 use super::annotate::Annotator;
-use super::movie::{Ffmpeg, MovieError, MovieOptions};
-use super::sequence::FramePattern;
+use super::movie::{Ffmpeg, MovieError, MovieOptions, MovieWriter};
+use super::sequence::{FramePattern, FrameWriter};
 use super::still::{FrameAttributes, StillFormat, StillOptions};
 use crate::camera::CameraError;
 use crate::error::FileError;
@@ -188,14 +188,16 @@ impl Run {
         progress.end();
         let checksums = checked?;
         let (sink, fingerprints) = match &self.output {
-            Output::Movie { path, ffmpeg, options } => (Sink::movie(ffmpeg, path, options)?, None),
+            Output::Movie { path, ffmpeg, options } => {
+                (Sink::Movie(Box::new(MovieWriter::start(ffmpeg, path, options)?)), None)
+            }
             Output::Images { pattern, options } => {
                 // An EXR can store all planes.
                 scene.guides = StillFormat::of(&pattern.path(0)) == Some(StillFormat::Exr);
                 // The file stores units, drawn or not.
                 let written_as = format!("{options:?} {:?} {:?}", self.annotator, scene.pipeline.field().units);
                 let fingerprints = Fingerprints::new(scene.pipeline.mesh(), &self.plan, &checksums, &written_as);
-                (Sink::images(*options), Some(fingerprints))
+                (Sink::Images(FrameWriter::new(*options)), Some(fingerprints))
             }
         };
         Job { run: self, fingerprints }.run(scene, sink, progress)

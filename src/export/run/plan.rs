@@ -5,7 +5,6 @@ use crate::field::TimeAxis;
 use crate::ingest::{StepRange, StepRangeError};
 use crate::pipeline::FrameTime;
 use crate::short::Short;
-use std::fmt;
 
 /// Selection of the times of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -31,7 +30,7 @@ pub enum PlanError {
     #[error(transparent)]
     Steps(#[from] StepRangeError),
     /// No step lies in the time range `range`; the selected ones go from `extent.0` to `extent.1`.
-    #[error("no step lies in time {}; the series goes {}", Interval(*.range), FromTo(*.extent))]
+    #[error("no step lies in time {}", ranges_text(*.range, *.extent))]
     NoStep {
         /// The time range.
         range: (f64, f64),
@@ -39,7 +38,7 @@ pub enum PlanError {
         extent: (f64, f64),
     },
     /// The selected steps do not cover any time of the range.
-    #[error("the series has no time in {}; the series goes {}", Interval(*.range), FromTo(*.extent))]
+    #[error("the series has no time in {}", ranges_text(*.range, *.extent))]
     NoTime {
         /// The time range.
         range: (f64, f64),
@@ -61,22 +60,9 @@ pub enum PlanError {
     OneFrame,
 }
 
-/// Formats a time range as an interval.
-struct Interval((f64, f64));
-
-impl fmt::Display for Interval {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}..{}", Short(self.0.0), Short(self.0.1))
-    }
-}
-
-/// Formats a time range in words.
-struct FromTo((f64, f64));
-
-impl fmt::Display for FromTo {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "from {} to {}", Short(self.0.0), Short(self.0.1))
-    }
+/// The time range asked for, and the times of the series.
+fn ranges_text((from, to): (f64, f64), (first, last): (f64, f64)) -> String {
+    format!("{}..{}; the series goes from {} to {}", Short(from), Short(to), Short(first), Short(last))
 }
 
 /// A planned frame.

@@ -1,10 +1,9 @@
 //! Writes the frames of a run in order.
 
 use super::RunError;
-use crate::error::FileResult;
-use crate::export::movie::{Ffmpeg, MovieOptions, MovieWriter};
+use crate::export::movie::MovieWriter;
 use crate::export::sequence::FrameWriter;
-use crate::export::still::{OutputFrame, StillOptions};
+use crate::export::still::OutputFrame;
 use crate::task::Cancel;
 use std::path::Path;
 
@@ -17,16 +16,6 @@ pub(super) enum Sink {
 }
 
 impl Sink {
-    /// A sink for images.
-    pub(super) fn images(options: StillOptions) -> Self {
-        Self::Images(FrameWriter::new(options))
-    }
-
-    /// A sink for a movie at `place`.
-    pub(super) fn movie(ffmpeg: &Ffmpeg, place: &Path, options: &MovieOptions) -> FileResult<Self> {
-        Ok(Self::Movie(Box::new(MovieWriter::start(ffmpeg, place, options)?)))
-    }
-
     /// Sends a frame; blocks while writing is behind.
     pub(super) fn send(&mut self, frame: OutputFrame, file: &Path, cancel: &Cancel) -> Result<(), RunError> {
         match self {

@@ -30,12 +30,16 @@ impl Target {
             return Err(FileError::unsupported(path, "", problem).remedy("write, for example, frame_%04d.png"));
         }
         let Some(format) = is_movie else { return FramePattern::new(path).map(Self::Images) };
+        let no_number = || {
+            FileError::unsupported(path, "", "a movie is one file and has no number in its name")
+                .remedy("write, for example, movie.mp4")
+        };
         let mut plain = Vec::new();
         let mut rest = word.as_encoded_bytes();
         while let Some((&first, after)) = rest.split_first() {
             plain.push(first);
             // A literal percent sign is doubled, as in the names of images.
-            rest = if first == b'%' { after.strip_prefix(b"%").ok_or_else(|| no_number(path))? } else { after };
+            rest = if first == b'%' { after.strip_prefix(b"%").ok_or_else(no_number)? } else { after };
         }
         let plain = files::os_string(plain).unwrap_or_else(|| word.clone());
         Ok(Self::Movie(plain.into(), format))
@@ -55,32 +59,17 @@ impl Target {
     /// If it cannot be written.
     pub fn check_place(&self) -> FileResult<()> {
         let path = self.path(0);
+        if let Self::Movie(..) = self {
+            return files::check_place(&path);
+        }
         if path.is_dir() {
             return Err(FileError::invalid(&path, "", "is a folder").remedy("choose another name"));
         }
-        let folder = match self {
-            // Folders of images are created with the first one.
-            Self::Images(_) => {
-                files::parent_of(&path).ancestors().map(or_here).find(|f| f.exists()).unwrap_or(Path::new("."))
-            }
-            Self::Movie(..) => {
-                files::check_place(&path)?;
-                files::parent_of(&path)
-            }
-        };
+        // Folders of images are created with the first one.
+        let folder = files::parent_of(&path).ancestors().find(|f| f.exists()).unwrap_or(Path::new("."));
         if !folder.is_dir() {
             return Err(FileError::invalid(folder, "", "is not a folder").remedy("choose another name"));
         }
         tempfile::tempfile_in(folder).map(|_| ()).map_err(|e| FileError::io(&path, "write", &e))
     }
-}
-
-fn no_number(path: &Path) -> FileError {
-    FileError::unsupported(path, "", "a movie is one file and has no number in its name")
-        .remedy("write, for example, movie.mp4")
-}
-
-/// The folder, or `.` for the empty name among the ancestors of a relative path.
-fn or_here(folder: &Path) -> &Path {
-    if folder.as_os_str().is_empty() { Path::new(".") } else { folder }
 }

@@ -19,6 +19,7 @@ use crate::store::{Store, StoredField};
 use crate::task::{Cancel, Progress};
 use output::Place;
 use serde::Serialize;
+use std::fmt;
 use std::path::{Path, PathBuf};
 use step::Steps;
 
@@ -62,6 +63,21 @@ pub struct SurfaceReport {
     pub dropped_triangles: u64,
     /// Bytes of all files.
     pub bytes: u64,
+}
+
+impl fmt::Display for SurfaceReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { output, steps, empty_steps, triangles, points, dropped_triangles, bytes } = self;
+        let megabytes = *bytes as f64 / 1e6;
+        write!(f, "{}: {steps} steps, {triangles} triangles of {points} points, {megabytes:.1} MB", output.display())?;
+        if *empty_steps > 0 {
+            write!(f, "; {empty_steps} steps have no triangle")?;
+        }
+        if *dropped_triangles > 0 {
+            write!(f, "; {dropped_triangles} triangles without area are left out")?;
+        }
+        writeln!(f)
+    }
 }
 
 /// Why no surface was written. No files are left behind.
@@ -171,9 +187,9 @@ fn scalar(store: &Store, selectors: &[FieldSelector]) -> FileResult<Group> {
         }
     };
     // Elsewhere a vector's name alone means its magnitude.
-    let asked = selectors.first().filter(|asked| asked.component.is_none() && asked.name != one.name);
+    let asked = selectors.first().filter(|asked| asked.component.is_none() && asked.name != one.info.name);
     if one.components.len() != 1 || asked.is_some() {
-        let name = asked.map_or(&one.name, |asked| &asked.name);
+        let name = asked.map_or(&one.info.name, |asked| &asked.name);
         let error = unsupported(&format!("'{name}' is a vector, and an isosurface is of one number"));
         return Err(error.remedy(format!("choose {name}:mag or {name}:0")));
     }

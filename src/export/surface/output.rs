@@ -10,36 +10,21 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// File format of surfaces.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Format {
-    /// VTK's XML PolyData.
-    Vtp,
-    /// Stanford PLY.
-    Ply,
-}
-
-impl Format {
-    fn write(self, path: &Path, surface: &StepSurface) -> FileResult<u64> {
-        match self {
-            Self::Vtp => vtp::write(path, surface),
-            Self::Ply => ply::write(path, surface),
-        }
-    }
-}
+/// Writes a surface in a file format; returns the size of the file.
+type Write = fn(&Path, &StepSurface) -> FileResult<u64>;
 
 /// Paths of the files to write.
 pub(super) enum Place<'a> {
     /// A `.pvd` file with a folder of `.vtp` files.
     Collection(NewCollection<'a>),
     /// These files, all in one folder.
-    Files { format: Format, paths: Vec<PathBuf> },
+    Files { write: Write, paths: Vec<PathBuf> },
 }
 
 /// Files being written; unfinished ones are removed on drop.
 pub(super) enum Output<'a> {
     Collection(OpenCollection<'a>),
-    Files { format: Format, paths: Vec<PathBuf>, staging: TempDir, written: usize },
+    Files { write: Write, paths: Vec<PathBuf>, staging: TempDir, written: usize },
 }
 
 impl<'a> Place<'a> {
@@ -50,16 +35,15 @@ impl<'a> Place<'a> {
     /// is taken.
     pub fn of(output: &'a Path, count: usize) -> FileResult<Self> {
         let is = |extension: &str| output.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
-        let format = match (is("vtp"), is("ply")) {
-            (true, _) => Format::Vtp,
-            (_, true) => Format::Ply,
+        let (write, example): (Write, _) = match (is("vtp"), is("ply")) {
+            (true, _) => (vtp::write, "surface_%04d.vtp"),
+            (_, true) => (ply::write, "surface_%04d.ply"),
             _ if is("pvd") => return Ok(Self::Collection(NewCollection::at(output)?)),
             _ => {
                 let error = FileError::unsupported(output, "", "surfaces are written as .pvd, .vtp or .ply files");
                 return Err(error.remedy("name it so"));
             }
         };
-        let example = if format == Format::Vtp { "surface_%04d.vtp" } else { "surface_%04d.ply" };
         let pattern = NumberedPath::new(output, example)?;
         let unsupported = |problem: String| {
             FileError::unsupported(output, "", problem).remedy(format!("write, for example, {example}"))
@@ -74,7 +58,7 @@ impl<'a> Place<'a> {
         }
         let paths: Vec<PathBuf> = (0..count).map(|n| pattern.path(n)).collect();
         paths.iter().try_for_each(|path| check_free(path))?;
-        Ok(Self::Files { format, paths })
+        Ok(Self::Files { write, paths })
     }
 
     /// Creates a temporary folder for the files beside their paths.
@@ -84,13 +68,13 @@ impl<'a> Place<'a> {
     pub fn begin(self) -> FileResult<Output<'a>> {
         match self {
             Self::Collection(place) => Ok(Output::Collection(place.begin("vtp")?)),
-            Self::Files { format, paths } => {
+            Self::Files { write, paths } => {
                 let first = paths.first().cloned().unwrap_or_default();
                 let parent = files::parent_of(&first);
                 if !parent.is_dir() {
                     return Err(FileError::invalid(parent, "", "is not a folder").remedy("create it first"));
                 }
-                Ok(Output::Files { format, staging: files::sibling_folder(&first, "tmp")?, paths, written: 0 })
+                Ok(Output::Files { write, staging: files::sibling_folder(&first, "tmp")?, paths, written: 0 })
             }
         }
     }
@@ -105,11 +89,11 @@ impl Output<'_> {
         match self {
             Self::Collection(collection) => {
                 let name = collection.list.add(surface.time);
-                Format::Vtp.write(&collection.folder.path().join(name), surface)
+                vtp::write(&collection.folder.path().join(name), surface)
             }
-            Self::Files { format, staging, written, .. } => {
+            Self::Files { write, staging, written, .. } => {
                 *written += 1;
-                format.write(&staged(staging, *written - 1), surface)
+                write(&staged(staging, *written - 1), surface)
             }
         }
     }

@@ -4,7 +4,7 @@ use super::{Shape, SurfaceError};
 use crate::error::{FileError, FileResult};
 use crate::export::appended::Values;
 use crate::export::stored::Group;
-use crate::field::{Association, FieldInfo};
+use crate::field::FieldInfo;
 use crate::mesh::contour::{Domain, Surface};
 use crate::mesh::{Plane, Positions, Topology};
 use crate::render::surfaces::Cut;
@@ -66,10 +66,7 @@ impl<'a> Steps<'a> {
             Shape::Plane(plane) => Cuts::Plane(distances(plane, &points, &positions)?),
         };
         let buffered = |reader: FieldReader| (reader, vec![0.0; points.len()]);
-        let field = |Group { name, components }: Group| {
-            let info = FieldInfo { name, components: components.len(), association: Association::Point };
-            (info, components.into_iter().map(buffered).collect())
-        };
+        let field = |group: Group| (group.info, group.components.into_iter().map(buffered).collect());
         let fields = groups.into_iter().map(field).collect();
         Ok(Self { store, cuts, topology, missing: vec![false; points.len()], points, fields })
     }

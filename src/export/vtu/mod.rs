@@ -14,6 +14,7 @@ use crate::field::{Association, Component, FieldInfo, SeriesSource, TimeAxis};
 use crate::mesh::RawMesh;
 use crate::task::{Cancel, Progress};
 use serde::Serialize;
+use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -38,6 +39,13 @@ pub struct VtuReport {
     pub steps: usize,
     /// Bytes of all files.
     pub bytes: u64,
+}
+
+impl fmt::Display for VtuReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { pvd, steps, bytes } = self;
+        writeln!(f, "{}: {steps} steps, {:.1} MB", pvd.display(), *bytes as f64 / 1e6)
+    }
 }
 
 /// Why a series was not written. No files are left behind.
