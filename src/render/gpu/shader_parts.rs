@@ -14,6 +14,7 @@ pub(super) const RAY: &str = include_str!("../../../shaders/lib/ray.wgsl");
 pub(super) const CROSSING: &str = include_str!("../../../shaders/lib/crossing.wgsl");
 pub(super) const MATH: &str = include_str!("../../../shaders/lib/math.wgsl");
 pub(super) const WEIGHTS: &str = include_str!("../../../shaders/lib/optics_weights.wgsl");
+pub(super) const INTERVALS: &str = include_str!("../../../shaders/lib/optics_intervals.wgsl");
 pub(super) const EXACT: &str = include_str!("../../../shaders/lib/optics_exact.wgsl");
 pub(super) const PARTIAL: &str = include_str!("../../../shaders/lib/optics_partial.wgsl");
 pub(super) const TABLE3D: &str = include_str!("../../../shaders/lib/optics_table3d.wgsl");

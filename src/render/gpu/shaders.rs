@@ -462,8 +462,8 @@ const LAYERS: [&str; 3] = [lib::TILES, lib::FACES, lib::LAYER_LISTS];
 /// Parts of the stages that integrate along rays.
 fn gathering(how: Gathering, inside: Inside, precision: Precision) -> Vec<&'static str> {
     let optics = match how {
-        Gathering::Scalar(OpticsKind::Exact) => &[lib::WEIGHTS, lib::EXACT, lib::NO_JOINT][..],
-        Gathering::Scalar(OpticsKind::Partial) => &[lib::WEIGHTS, lib::PARTIAL, lib::NO_JOINT],
+        Gathering::Scalar(OpticsKind::Exact) => &[lib::WEIGHTS, lib::INTERVALS, lib::EXACT, lib::NO_JOINT][..],
+        Gathering::Scalar(OpticsKind::Partial) => &[lib::WEIGHTS, lib::INTERVALS, lib::PARTIAL, lib::NO_JOINT],
         Gathering::Scalar(OpticsKind::Table3d) => &[lib::TABLE3D, lib::NO_JOINT],
         Gathering::Joint => &[lib::WEIGHTS, lib::JOINT],
     };
