@@ -2,6 +2,7 @@
 
 pub(super) const FRAME: &str = include_str!("../../../shaders/lib/frame.wgsl");
 pub(super) const SUMS: &str = include_str!("../../../shaders/lib/sums.wgsl");
+pub(super) const SATURATING: &str = include_str!("../../../shaders/lib/saturating.wgsl");
 pub(super) const CELLS: &str = include_str!("../../../shaders/lib/cells.wgsl");
 pub(super) const ACTIVE: &str = include_str!("../../../shaders/lib/active.wgsl");
 pub(super) const PAIRS: &str = include_str!("../../../shaders/lib/pairs.wgsl");
@@ -35,6 +36,7 @@ pub(super) const RAY_LIST: &str = include_str!("../../../shaders/lib/ray_list.wg
 pub(super) const RAY_BITS: &str = include_str!("../../../shaders/lib/ray_bits.wgsl");
 pub(super) const STRIDES: &str = include_str!("../../../shaders/lib/strides.wgsl");
 pub(super) const BLOCKS: &str = include_str!("../../../shaders/lib/blocks.wgsl");
+pub(super) const COUNTERS: &str = include_str!("../../../shaders/lib/counters.wgsl");
 pub(super) const LIGHT: &str = include_str!("../../../shaders/lib/light.wgsl");
 pub(super) const FACES: &str = include_str!("../../../shaders/lib/faces.wgsl");
 pub(super) const FACE_LISTS: &str = include_str!("../../../shaders/lib/face_lists.wgsl");
@@ -48,5 +50,6 @@ pub(super) const UPSAMPLE: &str = include_str!("../../../shaders/lib/upsample.wg
 pub(super) const SAMPLES: &str = include_str!("../../../shaders/lib/samples.wgsl");
 pub(super) const FACE_HITS: &str = include_str!("../../../shaders/lib/face_hits.wgsl");
 pub(super) const FRAGMENTS: &str = include_str!("../../../shaders/lib/fragments.wgsl");
+pub(super) const FRAGMENT_PLACES: &str = include_str!("../../../shaders/lib/fragment_places.wgsl");
 pub(super) const FRAGMENTS_COUNT: &str = include_str!("../../../shaders/lib/fragments_count.wgsl");
 pub(super) const FRAGMENTS_STORE: &str = include_str!("../../../shaders/lib/fragments_store.wgsl");

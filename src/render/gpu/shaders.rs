@@ -417,7 +417,7 @@ impl Stage {
             Self::DecodeVq | Self::Present => vec![],
             Self::ViewTransform => vec![lib::FRAME, lib::SUMS],
             Self::EntriesCount | Self::EntriesStore => vec![lib::FRAME, lib::CELLS, lib::BOXES, lib::ITEMS],
-            Self::EntriesScan => vec![lib::FRAME],
+            Self::EntriesScan => vec![lib::FRAME, lib::SATURATING],
             Self::Walk(how, inside, precision) => walking(how, inside, precision),
             Self::WalkRays(how, inside, precision) => {
                 [walking(how, inside, precision), vec![lib::RAY_LIST, lib::RAY_BITS]].concat()
@@ -432,14 +432,15 @@ impl Stage {
             Self::Faces(pass, precision) | Self::FacePieces(pass, precision) | Self::FaceStarts(pass, precision) => {
                 finding(pass, precision)
             }
-            Self::FaceScan => [&[lib::FRAME][..], &FACES].concat(),
-            Self::FaceSort(_) => [&[lib::FRAME][..], &FACES, &[lib::FRAGMENTS]].concat(),
+            Self::FaceScan => [&[lib::FRAME][..], &FACES, &[lib::SATURATING]].concat(),
+            Self::FaceSort(_) => [&[lib::FRAME][..], &FACES, &[lib::FRAGMENTS, lib::FRAGMENT_PLACES]].concat(),
             Self::FaceResolve(how, inside, precision) => {
                 let surfaces = match inside {
                     Inside::Volume => &[][..],
                     Inside::Surfaces => &[lib::CORNERS, lib::BEHIND_VERTICES],
                 };
-                [&gathering(how, inside, precision)[..], &FACES, &[lib::ACTIVE, lib::FRAGMENTS], surfaces].concat()
+                let stored = [lib::ACTIVE, lib::FRAGMENTS, lib::FRAGMENT_PLACES];
+                [&gathering(how, inside, precision)[..], &FACES, &stored, surfaces].concat()
             }
             Self::LayersPlan | Self::LayersRange | Self::LayersReference => [&[lib::FRAME][..], &LAYERS].concat(),
             Self::UpsampleJoint => vec![lib::FRAME, lib::TILES, lib::UPSAMPLE],
@@ -472,7 +473,8 @@ fn gathering(how: Gathering, inside: Inside, precision: Precision) -> Vec<&'stat
         (Inside::Surfaces, Gathering::Scalar(_)) => &[lib::SURFACES, lib::NO_JOINT_PARTS],
         (Inside::Surfaces, Gathering::Joint) => &[lib::SURFACES, lib::JOINT_PARTS],
     };
-    [&[lib::FRAME, lib::SUMS], &rays(inside, precision)[..], &[lib::MATH], optics, surfaces, &[lib::LIGHT]].concat()
+    let all = [lib::FRAME, lib::SUMS, lib::MATH, lib::LIGHT, lib::COUNTERS];
+    [&all, &rays(inside, precision)[..], optics, surfaces].concat()
 }
 
 /// Parts of the stages that walk along rays.
@@ -503,7 +505,7 @@ fn rays(inside: Inside, precision: Precision) -> [&'static str; 3] {
 fn finding(pass: Pass, precision: Precision) -> Vec<&'static str> {
     let (lists, kept) = match pass {
         Pass::Count => (FACES, &[lib::MESH_FACES, lib::FRAGMENTS_COUNT, lib::PIECES][..]),
-        Pass::Store(..) => (FACES, &[lib::MESH_FACES, lib::FRAGMENTS_STORE][..]),
+        Pass::Store(..) => (FACES, &[lib::MESH_FACES, lib::FRAGMENTS, lib::FRAGMENTS_STORE][..]),
         Pass::Layers => (LAYERS, &[lib::BOUNDARY_FACES, lib::LAYERS_KEEP, lib::PIECES][..]),
     };
     let (values, inside) = match pass {
