@@ -38,7 +38,7 @@ use super::precision::PrecisionChoice;
 use super::presenter::Presenter;
 use super::readback::{Readback, Words, wait_for};
 use super::shaders::{FragmentKind, Precision, Stage};
-use super::slices::{IN_FLIGHT, SLICE, StepCost, dispatch};
+use super::slices::{IN_FLIGHT, SLICE, UnitCost, dispatch};
 use super::target::Target;
 use crate::render::cpu::havs::checked_faces;
 use crate::render::{Frame, FrameRun, LayerRenderer, RenderError, RenderJob};
@@ -80,7 +80,7 @@ pub struct FaceLists {
     presenter: Presenter,
     precision: PrecisionChoice,
     /// Cost of each step per unit: a workgroup, or a round of sorting.
-    costs: [StepCost; STEPS],
+    costs: [UnitCost; STEPS],
     fragment_bytes: u64,
     /// Fragments of each tile, then of each tile's deepest pixel.
     sums: Vec<u32>,
@@ -104,7 +104,7 @@ impl Havs {
             in_flight: VecDeque::with_capacity(IN_FLIGHT),
             presenter: Presenter::new(),
             precision: PrecisionChoice::default(),
-            costs: [StepCost::default(); STEPS],
+            costs: [UnitCost::default(); STEPS],
             fragment_bytes,
             sums: Vec::new(),
             bands: Vec::new(),
@@ -290,7 +290,7 @@ impl FaceLists {
 
     /// Ends the frame: updates costs and presents the image.
     fn finish(&mut self, target: &Target, frame: &mut Frame) -> Result<(), RenderError> {
-        self.costs.iter_mut().for_each(StepCost::end_frame);
+        self.costs.iter_mut().for_each(UnitCost::end_frame);
         self.presenter.present(&self.context, &target.planes.color, frame)
     }
 
@@ -344,7 +344,7 @@ impl LayerRenderer for FaceLists {
         frame.stats.faces_drawn = drawn.faces.len() as u64;
         frame.stats.in_f64 = precision == Precision::Double;
         frame.stats.bytes_uploaded = self.scene.bytes_sent;
-        self.costs.iter_mut().for_each(StepCost::begin_frame);
+        self.costs.iter_mut().for_each(UnitCost::begin_frame);
         let lists = Lists { tiles: params.tile_count() as u64 };
         let step = Step::CountFaces;
         let active = FaceJob { job, precision, params, face_params, target, lists, step, next: 0, pieces: 0, band: 0 };
@@ -361,7 +361,7 @@ impl LayerRenderer for FaceLists {
                 continue;
             }
             if step != Step::End && self.in_flight.len() < IN_FLIGHT {
-                let cost = self.costs[step as usize % STEPS].unit();
+                let cost = self.costs[step as usize % STEPS];
                 let count = cost.units_for(budget, step.first_units(), step.most_units()).max(step.least_units());
                 let units = active.next..end.min(active.next.saturating_add(count));
                 self.submit_units(active, units, reads_pixels(&active.job, frame))?;

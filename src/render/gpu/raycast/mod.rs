@@ -81,8 +81,6 @@ pub struct WalkJob {
     next_tile: usize,
     /// Number of tiles that have come back.
     tiles_done: usize,
-    /// Milliseconds that those tiles took.
-    walk_ms: f64,
     /// Contrast-adaptive sampling; `None` if all rays are cast at once.
     sampling: Option<Sampling>,
 }
@@ -175,10 +173,16 @@ impl CellWalk {
         frame.stats.entry_faces = u64::from(params.face_count);
         frame.stats.bytes_uploaded = self.scene.bytes_sent;
         let tile_count = params.tile_count();
-        let (next_tile, tiles_done, walk_ms) = (0, 0, 0.0);
-        let active = WalkJob { job, precision, params, target, tile_count, next_tile, tiles_done, walk_ms, sampling };
+        let active = WalkJob { job, precision, params, target, tile_count, next_tile: 0, tiles_done: 0, sampling };
+        self.begin_costs();
         self.submit_preparation(&active, &mut frame.stats)?;
         Ok(active)
+    }
+
+    /// Begins an image's costs, whether its rays are cast tile by tile or from a list.
+    fn begin_costs(&mut self) {
+        self.cost.begin_frame();
+        self.sampling_costs.group.begin_frame();
     }
 
     /// Works on an image of all rays for about `budget`. Returns whether it is done.
@@ -247,11 +251,10 @@ impl CellWalk {
                 frame.stats.ms_gpu_entries = Some(entries);
             }
             let ms = times.map_or_else(|| waiting.elapsed().as_secs_f64() * 1e3, |[_, walk]| walk);
-            cost.last = Some(ms / slice.tiles.len().max(1) as f64);
-            active.walk_ms += ms;
+            cost.add(ms, slice.tiles.len());
             active.tiles_done += slice.tiles.len();
             if active.tiles_done >= active.tile_count {
-                cost.mean = Some(active.walk_ms / active.tile_count.max(1) as f64);
+                cost.end_frame();
             }
             None
         })?;
@@ -267,8 +270,9 @@ impl CellWalk {
     ) -> Result<(), RenderError> {
         self.abandon()?;
         self.scene.grow_lists(&self.context, pairs_needed, active.sampling.is_some(), &mut active.params)?;
-        (active.next_tile, active.tiles_done, active.walk_ms) = (0, 0, 0.0);
-        active.sampling.iter_mut().for_each(Sampling::begin_again);
+        (active.next_tile, active.tiles_done) = (0, 0);
+        active.sampling.iter_mut().for_each(|sampling| sampling.fills = false);
+        self.begin_costs();
         stats.entry_retries += 1;
         self.submit_preparation(active, stats)
     }

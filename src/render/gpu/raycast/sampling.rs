@@ -37,16 +37,13 @@ pub(super) struct Sampling {
     /// The job of all rays, if it follows the last threshold.
     exact: Option<Box<RenderJob>>,
     /// Whether all rays have been cast, and the image is being filled.
-    fills: bool,
-    /// Workgroups of the present threshold's walk, and their milliseconds.
-    groups: usize,
-    ms: f64,
+    pub(super) fills: bool,
 }
 
 /// Milliseconds per workgroup of rays and per filled tile, kept from frame to frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct SamplingCosts {
-    group: UnitCost,
+    pub(super) group: UnitCost,
     fill: UnitCost,
 }
 
@@ -69,17 +66,12 @@ impl Sampling {
         contrasts.reverse();
         let exact = || RenderJob { contrast: None, previews: Vec::new(), domain: None, ..job.clone() };
         let exact = is_whole.then(|| Box::new(exact()));
-        Self { contrasts, exact, fills: false, groups: 0, ms: 0.0 }
+        Self { contrasts, exact, fills: false }
     }
 
     /// The threshold that is being reached.
     pub(super) fn contrast(&self) -> f32 {
         self.contrasts.last().copied().unwrap_or(0.0)
-    }
-
-    /// Begins a threshold.
-    pub(super) fn begin_again(&mut self) {
-        (self.fills, self.groups, self.ms) = (false, 0, 0.0);
     }
 }
 
@@ -178,15 +170,14 @@ impl CellWalk {
         }
         let Some(sampling) = &mut active.sampling else { return Ok(()) };
         if told.groups > 0 {
-            sampling.groups += told.groups;
-            sampling.ms += told.ms;
-            self.sampling_costs.group.last = Some(told.ms / told.groups as f64);
+            self.sampling_costs.group.add(told.ms, told.groups);
         }
         if !told.is_done {
             return Ok(());
         }
-        self.sampling_costs.group.mean = Some(sampling.ms / sampling.groups.max(1) as f64);
-        (sampling.fills, active.next_tile, active.tiles_done, active.walk_ms) = (true, 0, 0, 0.0);
+        self.sampling_costs.group.end_frame();
+        self.sampling_costs.fill.begin_frame();
+        (sampling.fills, active.next_tile, active.tiles_done) = (true, 0, 0);
         let (stats, counts) = (&mut frame.stats, told.counts);
         stats.add_counts(&counts);
         stats.rays_by_level.iter_mut().zip(counts.rays_by_level).for_each(|(sum, count)| *sum += count);
@@ -223,12 +214,11 @@ impl CellWalk {
             }
             let times = slice.add_times_to(&mut frame.stats, &self.context);
             let ms = times.map_or_else(|| waiting.elapsed().as_secs_f64() * 1e3, |[_, fill]| fill);
-            cost.last = Some(ms / slice.tiles.len().max(1) as f64);
-            active.walk_ms += ms;
+            cost.add(ms, slice.tiles.len());
             active.tiles_done += slice.tiles.len();
         })?;
         if active.tiles_done >= active.tile_count {
-            cost.mean = Some(active.walk_ms / active.tile_count.max(1) as f64);
+            cost.end_frame();
         }
         Ok(())
     }
@@ -252,7 +242,8 @@ impl CellWalk {
         if sampling.contrasts.is_empty() {
             return sampling.exact.take().map_or(Ok(()), |exact| self.begin_exact(*exact, active, frame));
         }
-        sampling.begin_again();
+        sampling.fills = false;
+        self.sampling_costs.group.begin_frame();
         self.scene.rays.sharpen(&self.context, active.target.size_px, sampling.contrast())
     }
 
