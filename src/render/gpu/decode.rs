@@ -6,7 +6,6 @@ use super::layout::VqStep;
 use super::pipelines::{NO_RECORDS, Pipelines};
 use super::resources::Resource;
 use super::shaders::Stage;
-use super::slices::dispatch;
 use crate::codec::vq::{GROUPS, Indices, group_of_step};
 use crate::render::{CompressedStep, RenderError};
 use bytemuck::bytes_of;
@@ -124,9 +123,7 @@ impl BlockDecoder {
 
     /// Records the decoding in a pass.
     pub(super) fn record(&self, context: &Context, pass: &mut wgpu::ComputePass<'_>) -> Result<(), RenderError> {
-        self.pipelines.set(context, Stage::DecodeVq, pass)?;
-        dispatch(pass, self.places.vertex_count.div_ceil(256));
-        Ok(())
+        self.pipelines.dispatch(context, Stage::DecodeVq, self.places.vertex_count.div_ceil(256), pass)
     }
 }
 

@@ -62,6 +62,7 @@ fn depth_row_bytes(width: usize) -> u64 {
 }
 
 /// Buffers for slices on their way back: each free or under way, and allocated when none is free.
+#[derive(Default)]
 pub(super) struct Readback {
     free: Vec<Slot>,
 }
@@ -82,10 +83,6 @@ pub(super) struct Sent {
 }
 
 impl Readback {
-    pub(super) fn new() -> Self {
-        Self { free: Vec::new() }
-    }
-
     /// Submits a slice that ends with copies of counters and times of `tiles`, of their pixels if `has_pixels`, and of `words`:
     /// a buffer, the first byte, and the number of words (at most [`WORDS_MAX`]).
     pub(super) fn send(
@@ -141,6 +138,15 @@ impl Readback {
         buffer.unmap();
         self.free.push(slot);
         Ok(result)
+    }
+
+    /// Waits for slices under way and drops them.
+    pub(super) fn abandon(
+        &mut self,
+        context: &Context,
+        under_way: impl Iterator<Item = Sent>,
+    ) -> Result<(), RenderError> {
+        under_way.fold(context.check(), |came_back, sent| came_back.and_then(|()| self.collect(context, sent, |_| ())))
     }
 }
 

@@ -59,12 +59,6 @@ impl UnitCost {
     }
 }
 
-/// Dispatches at least `workgroups` workgroups, in rows of at most [`GROUPS_MAX`].
-pub(super) fn dispatch(pass: &mut wgpu::ComputePass<'_>, workgroups: u32) {
-    let rows = workgroups.div_ceil(GROUPS_MAX).max(1);
-    pass.dispatch_workgroups(workgroups.div_ceil(rows), rows, 1);
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -154,13 +154,19 @@ impl Target {
         self.columns() * self.size_px.1.div_ceil(TILE_PX)
     }
 
-    /// Writes a pass's begin and end to timestamps `first` and `first + 1`; `None` without timestamps.
-    pub(super) fn stamps(&self, first: u32) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
-        self.times.as_ref().map(|times| wgpu::ComputePassTimestampWrites {
+    /// Begins a pass, whose begin and end go to timestamps `first` and `first + 1` if there are timestamps.
+    pub(super) fn pass<'a>(
+        &self,
+        encoder: &'a mut wgpu::CommandEncoder,
+        label: &str,
+        first: Option<u32>,
+    ) -> wgpu::ComputePass<'a> {
+        let timestamp_writes = self.times.as_ref().zip(first).map(|(times, first)| wgpu::ComputePassTimestampWrites {
             query_set: &times.queries,
             beginning_of_pass_write_index: Some(first),
             end_of_pass_write_index: Some(first + 1),
-        })
+        });
+        encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes })
     }
 
     /// Rows of pixels that the tiles touch.

@@ -212,8 +212,6 @@ impl Scene {
         pass: &mut wgpu::ComputePass<'_>,
     ) -> Result<(), RenderError> {
         self.params.write(context, 0, bytemuck::bytes_of(params))?;
-        self.pipelines.set(context, stage, pass)?;
-        pass.dispatch_workgroups(tiles as u32, 1, 1);
-        Ok(())
+        self.pipelines.dispatch(context, stage, tiles as u32, pass)
     }
 }

@@ -171,9 +171,9 @@ impl Enlarger {
     pub(super) fn new() -> Self {
         Self {
             scene: Scene::new(),
-            readback: Readback::new(),
+            readback: Readback::default(),
             in_flight: VecDeque::with_capacity(IN_FLIGHT),
-            presenter: Presenter::new(),
+            presenter: Presenter::default(),
             texture: None,
             costs: [UnitCost::default(); KINDS],
             costed: None,
@@ -207,7 +207,7 @@ impl Enlarger {
     /// Frees buffers and planes; the frame's texture stays.
     pub(super) fn release(&mut self) {
         self.scene.release();
-        self.readback = Readback::new();
+        self.readback = Readback::default();
     }
 
     /// Works on an image for about `budget`. Returns whether the frame is done.
@@ -344,9 +344,7 @@ impl Enlarger {
         let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let scene = &mut self.scene;
         {
-            let timestamp_writes = work.target.stamps(4);
-            let descriptor = wgpu::ComputePassDescriptor { label: Some("full size"), timestamp_writes };
-            let pass = &mut encoder.begin_compute_pass(&descriptor);
+            let pass = &mut work.target.pass(&mut encoder, "full size", Some(4));
             match step {
                 Step::Faces(view) => scene.layers[view].record_faces(context, &units, pass)?,
                 Step::Pieces(view) => scene.layers[view].record_pieces(context, units.len(), pass)?,
@@ -438,11 +436,7 @@ impl Enlarger {
 
     /// Waits for the slices under way and drops them.
     pub(super) fn abandon(&mut self, context: &Context) -> Result<(), RenderError> {
-        let mut came_back = context.check();
-        while let Some(flight) = self.in_flight.pop_front() {
-            came_back = came_back.and_then(|()| self.readback.collect(context, flight.sent, |_| ()));
-        }
-        came_back
+        self.readback.abandon(context, self.in_flight.drain(..).map(|flight| flight.sent))
     }
 }
 

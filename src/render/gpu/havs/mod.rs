@@ -38,7 +38,7 @@ use super::precision::PrecisionChoice;
 use super::presenter::Presenter;
 use super::readback::{Readback, Words, wait_for};
 use super::shaders::{FragmentKind, Precision, Stage};
-use super::slices::{IN_FLIGHT, SLICE, UnitCost, dispatch};
+use super::slices::{IN_FLIGHT, SLICE, UnitCost};
 use super::target::Target;
 use crate::render::cpu::havs::checked_faces;
 use crate::render::{Frame, FrameRun, LayerRenderer, RenderError, RenderJob};
@@ -99,10 +99,10 @@ impl Havs {
         Self::of(AtFullSize::of(FaceLists {
             context,
             scene: Scene::new(),
-            readback: Readback::new(),
+            readback: Readback::default(),
             words: Words::new(),
             in_flight: VecDeque::with_capacity(IN_FLIGHT),
-            presenter: Presenter::new(),
+            presenter: Presenter::default(),
             precision: PrecisionChoice::default(),
             costs: [UnitCost::default(); STEPS],
             fragment_bytes,
@@ -134,16 +134,16 @@ impl FaceLists {
         let decoder = &self.scene.scalars.decoder;
         if decoder.pending_vertices() > 0 {
             stats.vertices_decoded_on_gpu = u64::from(decoder.pending_vertices());
-            let timestamp_writes = target.stamps(6);
-            let descriptor = wgpu::ComputePassDescriptor { label: Some("decode"), timestamp_writes };
-            decoder.record(&self.context, &mut encoder.begin_compute_pass(&descriptor))?;
+            decoder.record(&self.context, &mut target.pass(&mut encoder, "decode", Some(6)))?;
         }
         {
-            let timestamp_writes = target.stamps(0);
-            let descriptor = wgpu::ComputePassDescriptor { label: Some("view transform"), timestamp_writes };
-            let mut pass = encoder.begin_compute_pass(&descriptor);
-            pipelines.set(&self.context, Stage::ViewTransform, &mut pass)?;
-            dispatch(&mut pass, active.params.vertex_count.div_ceil(256));
+            let mut pass = target.pass(&mut encoder, "view transform", Some(0));
+            pipelines.dispatch(
+                &self.context,
+                Stage::ViewTransform,
+                active.params.vertex_count.div_ceil(256),
+                &mut pass,
+            )?;
         }
         self.context.queue.submit([encoder.finish()]);
         self.scene.scalars.decoder.forget();
@@ -158,13 +158,10 @@ impl FaceLists {
         self.scene.face_params.write(context, 0, bytemuck::bytes_of(&active.face_params))?;
         let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
-            let timestamp_writes = if step == Step::Resolve { active.target.stamps(4) } else { None };
-            let descriptor = wgpu::ComputePassDescriptor { label: Some("faces"), timestamp_writes };
-            let mut pass = encoder.begin_compute_pass(&descriptor);
+            let mut pass = active.target.pass(&mut encoder, "faces", (step == Step::Resolve).then_some(4));
             let stage = stage(step, &active.job, active.precision)
                 .ok_or_else(|| context.beyond("a stage has not been prepared".to_owned()))?;
-            pipelines.set(context, stage, &mut pass)?;
-            dispatch(&mut pass, workgroups);
+            pipelines.dispatch(context, stage, workgroups, &mut pass)?;
         }
         active.next = units.end;
         let count = units.len();
@@ -381,13 +378,11 @@ impl LayerRenderer for FaceLists {
     }
 
     fn abandon(&mut self) -> Result<(), RenderError> {
-        let mut came_back = self.context.check();
-        while let Some(flight) = self.in_flight.pop_front() {
-            if let Work::Pixels { sent, .. } = flight.work {
-                came_back = came_back.and_then(|()| self.readback.collect(&self.context, sent, |_| ()));
-            }
-        }
-        came_back
+        let sent = self.in_flight.drain(..).filter_map(|flight| match flight.work {
+            Work::Pixels { sent, .. } => Some(sent),
+            Work::Plain(_) => None,
+        });
+        self.readback.abandon(&self.context, sent)
     }
 
     fn slice(&self) -> Duration {

@@ -25,7 +25,6 @@ use super::layout::{FACES_PER_GROUP, FaceParams, LayerLists, PIECE_WORDS, Params
 use super::pipelines::{NO_RECORDS, Pipelines};
 use super::resources::Resource;
 use super::shaders::{Pass, Precision, Stage};
-use super::slices::dispatch;
 use super::target::OnePlane;
 use crate::mesh::Mesh;
 use crate::render::cpu::layers::boundary_faces;
@@ -219,9 +218,7 @@ impl DepthLayers {
         let face = |group: usize| (group as u32).saturating_mul(FACES_PER_GROUP).min(self.face_params.drawn_count);
         (self.face_params.first, self.face_params.end) = (face(groups.start), face(groups.end));
         self.face_params_buffer.write(context, 0, bytemuck::bytes_of(&self.face_params))?;
-        self.pipelines.set(context, FACES, pass)?;
-        dispatch(pass, groups.len() as u32);
-        Ok(())
+        self.pipelines.dispatch(context, FACES, groups.len() as u32, pass)
     }
 
     /// Records the next pieces of large faces, at most `most`.
@@ -233,8 +230,7 @@ impl DepthLayers {
     ) -> Result<(), RenderError> {
         self.face_params.end = most as u32;
         self.face_params_buffer.write(context, 0, bytemuck::bytes_of(&self.face_params))?;
-        self.pipelines.set(context, Stage::LayersPlan, pass)?;
-        pass.dispatch_workgroups(1, 1, 1);
+        self.pipelines.dispatch(context, Stage::LayersPlan, 1, pass)?;
         self.pipelines.set(context, PIECES, pass)?;
         pass.dispatch_workgroups_indirect(self.args.get(context)?, 0);
         Ok(())
@@ -270,9 +266,7 @@ impl DepthLayers {
 
     /// Records the range of all depths.
     pub(super) fn record_range(&self, context: &Context, pass: &mut wgpu::ComputePass<'_>) -> Result<(), RenderError> {
-        self.pipelines.set(context, Stage::LayersRange, pass)?;
-        pass.dispatch_workgroups(1, 1, 1);
-        Ok(())
+        self.pipelines.dispatch(context, Stage::LayersRange, 1, pass)
     }
 
     /// Records the reference plane of some tiles.
@@ -284,8 +278,6 @@ impl DepthLayers {
     ) -> Result<(), RenderError> {
         self.params.first_tile = tiles.start as u32;
         self.params_buffer.write(context, 0, bytemuck::bytes_of(&self.params))?;
-        self.pipelines.set(context, Stage::LayersReference, pass)?;
-        pass.dispatch_workgroups(tiles.len() as u32, 1, 1);
-        Ok(())
+        self.pipelines.dispatch(context, Stage::LayersReference, tiles.len() as u32, pass)
     }
 }

@@ -35,7 +35,7 @@ use super::precision::PrecisionChoice;
 use super::presenter::Presenter;
 use super::readback::{Readback, Sent};
 use super::shaders::{Gathering, Inside, Precision, Stage};
-use super::slices::{GROUPS_MAX, IN_FLIGHT, SLICE, UnitCost, dispatch};
+use super::slices::{GROUPS_MAX, IN_FLIGHT, SLICE, UnitCost};
 use super::target::Target;
 use crate::render::adaptive::LAST;
 use crate::render::cpu::raycast::skips::CellChoice;
@@ -91,11 +91,11 @@ impl Raycast {
         Self::of(AtFullSize::of(CellWalk {
             context,
             scene: Scene::new(),
-            readback: Readback::new(),
+            readback: Readback::default(),
             in_flight: VecDeque::with_capacity(IN_FLIGHT),
             choice: CellChoice::default(),
             precision: PrecisionChoice::default(),
-            presenter: Presenter::new(),
+            presenter: Presenter::default(),
             cost: UnitCost::default(),
             sampling_costs: SamplingCosts::default(),
             preview: None,
@@ -122,16 +122,14 @@ impl CellWalk {
         let decoder = &self.scene.scalars.decoder;
         if decoder.pending_vertices() > 0 {
             stats.vertices_decoded_on_gpu = u64::from(decoder.pending_vertices());
-            let timestamp_writes = target.stamps(6);
-            let descriptor = wgpu::ComputePassDescriptor { label: Some("decode"), timestamp_writes };
-            decoder.record(&self.context, &mut encoder.begin_compute_pass(&descriptor))?;
+            decoder.record(&self.context, &mut target.pass(&mut encoder, "decode", Some(6)))?;
         }
         let (vertices, items) = (active.params.vertex_count, active.params.item_count);
-        for (label, timestamp_writes, stages) in [
-            ("view transform", target.stamps(0), &[(Stage::ViewTransform, vertices.div_ceil(256))][..]),
+        for (label, first, stages) in [
+            ("view transform", 0, &[(Stage::ViewTransform, vertices.div_ceil(256))][..]),
             (
                 "entries",
-                target.stamps(2),
+                2,
                 &[
                     (Stage::EntriesCount, items.div_ceil(64)),
                     (Stage::EntriesScan, 1),
@@ -139,11 +137,9 @@ impl CellWalk {
                 ][..],
             ),
         ] {
-            let descriptor = wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes };
-            let mut pass = encoder.begin_compute_pass(&descriptor);
+            let mut pass = target.pass(&mut encoder, label, Some(first));
             for &(stage, workgroups) in stages {
-                pipelines.set(&self.context, stage, &mut pass)?;
-                dispatch(&mut pass, workgroups);
+                pipelines.dispatch(&self.context, stage, workgroups, &mut pass)?;
             }
         }
         self.context.queue.submit([encoder.finish()]);
@@ -219,13 +215,10 @@ impl CellWalk {
         active.params.first_tile = tiles.start as u32;
         params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
         let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let timestamp_writes = target.stamps(4);
         {
-            let descriptor = wgpu::ComputePassDescriptor { label: Some("walk"), timestamp_writes };
-            let mut pass = encoder.begin_compute_pass(&descriptor);
+            let mut pass = target.pass(&mut encoder, "walk", Some(4));
             let walk = Stage::Walk(Gathering::of(&active.job), Inside::of(&active.job), active.precision);
-            pipelines.set(&self.context, walk, &mut pass)?;
-            pass.dispatch_workgroups(tiles.len() as u32, 1, 1);
+            pipelines.dispatch(&self.context, walk, tiles.len() as u32, &mut pass)?;
         }
         active.next_tile = tiles.end;
         let total = Some((bins.get(&self.context)?, 4 * active.tile_count as u64, 1));
@@ -321,11 +314,7 @@ impl LayerRenderer for CellWalk {
     }
 
     fn abandon(&mut self) -> Result<(), RenderError> {
-        let mut came_back = self.context.check();
-        while let Some(sent) = self.in_flight.pop_front() {
-            came_back = came_back.and_then(|()| self.readback.collect(&self.context, sent, |_| ()));
-        }
-        came_back
+        self.readback.abandon(&self.context, self.in_flight.drain(..))
     }
 
     fn slice(&self) -> Duration {

@@ -123,14 +123,12 @@ impl RayScene {
         self.rays.write(context, 4 * RayLists::GROUPS_LEFT as u64, bytemuck::cast_slice(&left_and_done))?;
         let args = self.args.get(context)?;
         for _ in 0..RayLists::STEPS {
-            self.pipelines.set(context, Stage::SplitPlan, pass)?;
-            pass.dispatch_workgroups(1, 1, 1);
+            self.pipelines.dispatch(context, Stage::SplitPlan, 1, pass)?;
             for stage in [Stage::SplitDecide, Stage::SplitAppend] {
                 self.pipelines.set(context, stage, pass)?;
                 pass.dispatch_workgroups_indirect(args, 0);
             }
-            self.pipelines.set(context, Stage::SplitSlice, pass)?;
-            pass.dispatch_workgroups(1, 1, 1);
+            self.pipelines.dispatch(context, Stage::SplitSlice, 1, pass)?;
             self.pipelines.set(context, walk, pass)?;
             pass.dispatch_workgroups_indirect(args, WALK_ARGS);
         }
@@ -144,8 +142,6 @@ impl RayScene {
         tiles: usize,
         pass: &mut wgpu::ComputePass<'_>,
     ) -> Result<(), RenderError> {
-        self.pipelines.set(context, Stage::Fill, pass)?;
-        pass.dispatch_workgroups(tiles as u32, 1, 1);
-        Ok(())
+        self.pipelines.dispatch(context, Stage::Fill, tiles as u32, pass)
     }
 }

@@ -145,9 +145,7 @@ impl CellWalk {
         let groups = self.sampling_costs.group.units_for(budget, FIRST_TILES, GROUPS_MAX as usize);
         let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
-            let timestamp_writes = active.target.stamps(4);
-            let descriptor = wgpu::ComputePassDescriptor { label: Some("walk of rays"), timestamp_writes };
-            let mut pass = encoder.begin_compute_pass(&descriptor);
+            let mut pass = active.target.pass(&mut encoder, "walk of rays", Some(4));
             self.scene.rays.record(&self.context, walk_of(active), groups, &mut pass)?;
         }
         let head = Some((self.scene.rays.rays.get(&self.context)?, 0, RayLists::HEAD));
@@ -194,9 +192,7 @@ impl CellWalk {
         self.scene.params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
         let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
-            let timestamp_writes = active.target.stamps(4);
-            let descriptor = wgpu::ComputePassDescriptor { label: Some("fill"), timestamp_writes };
-            let mut pass = encoder.begin_compute_pass(&descriptor);
+            let mut pass = active.target.pass(&mut encoder, "fill", Some(4));
             self.scene.rays.record_fill(&self.context, tiles.len(), &mut pass)?;
         }
         active.next_tile = tiles.end;
