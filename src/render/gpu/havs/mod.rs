@@ -37,7 +37,7 @@ use super::layout::{FaceParams, Lists, TILE_PIXELS, flags};
 use super::precision::PrecisionChoice;
 use super::presenter::Presenter;
 use super::readback::{Readback, Words, wait_for};
-use super::shaders::{FragmentKind, Precision, Stage};
+use super::shaders::{FragmentKind, Precision};
 use super::slices::{IN_FLIGHT, SLICE, UnitCost};
 use super::target::Target;
 use crate::render::cpu::havs::checked_faces;
@@ -126,28 +126,11 @@ impl Havs {
 impl FaceLists {
     /// Submits decoding and view transform, and empties the lists.
     fn submit_preparation(&mut self, active: &FaceJob, stats: &mut FrameStats) -> Result<(), RenderError> {
-        let target = &active.target;
-        let Scene { pipelines, params, lists, .. } = &self.scene;
-        params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
+        let Scene { shared, pipelines, lists, .. } = &self.scene;
         let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.clear_buffer(lists.get(&self.context)?, 0, Some(4 * active.lists.pieces()));
-        let decoder = &self.scene.scalars.decoder;
-        if decoder.pending_vertices() > 0 {
-            stats.vertices_decoded_on_gpu = u64::from(decoder.pending_vertices());
-            decoder.record(&self.context, &mut target.pass(&mut encoder, "decode", Some(6)))?;
-        }
-        {
-            let mut pass = target.pass(&mut encoder, "view transform", Some(0));
-            pipelines.dispatch(
-                &self.context,
-                Stage::ViewTransform,
-                active.params.vertex_count.div_ceil(256),
-                &mut pass,
-            )?;
-        }
-        self.context.queue.submit([encoder.finish()]);
-        self.scene.scalars.decoder.forget();
-        self.context.check()
+        shared.record(&self.context, pipelines, &active.params, &active.target, &mut encoder, stats)?;
+        self.scene.shared.submit(&self.context, encoder)
     }
 
     /// Submits some units of the present step.
@@ -311,7 +294,7 @@ impl LeavesImage for FaceLists {
     }
 
     fn left<'a>(&'a self, job: &'a FaceJob) -> ImageLeft<'a> {
-        ImageLeft { target: &job.target, params: &job.params, vertices: &self.scene.vertices.vertices }
+        ImageLeft { target: &job.target, params: &job.params, vertices: &self.scene.shared.vertices.vertices }
     }
 }
 
@@ -326,7 +309,7 @@ impl LayerRenderer for FaceLists {
         self.context.check_job(&job)?;
         let mut params = eye::params(&self.context, &view)?;
         self.bands.clear();
-        if self.scene.table.shows_nothing(&job) || job.active.count() == 0 || drawn.faces.is_empty() {
+        if self.scene.shared.table.shows_nothing(&job) || job.active.count() == 0 || drawn.faces.is_empty() {
             // All pixels are transparent: the frame is complete.
             frame.clear(view.plane_px());
             return Ok(None);
@@ -340,7 +323,7 @@ impl LayerRenderer for FaceLists {
         let target = self.scene.update(&self.context, &job, &drawn, &eye_cells, &mut params, &mut face_params)?;
         frame.stats.faces_drawn = drawn.faces.len() as u64;
         frame.stats.in_f64 = precision == Precision::Double;
-        frame.stats.bytes_uploaded = self.scene.bytes_sent;
+        frame.stats.bytes_uploaded = self.scene.shared.bytes_sent;
         self.costs.iter_mut().for_each(UnitCost::begin_frame);
         let lists = Lists { tiles: params.tile_count() as u64 };
         let step = Step::CountFaces;

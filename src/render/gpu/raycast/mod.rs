@@ -112,39 +112,23 @@ impl CellWalk {
     /// Submits decoding, view transform and entries.
     fn submit_preparation(&mut self, active: &WalkJob, stats: &mut FrameStats) -> Result<(), RenderError> {
         let target = &active.target;
-        let Scene { pipelines, params, bins, .. } = &self.scene;
-        params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
+        let Scene { shared, pipelines, bins, .. } = &self.scene;
         let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.clear_buffer(bins.get(&self.context)?, 0, Some(4 * (target.tile_count() as u64 + 1)));
         if let Some(sampling) = &active.sampling {
             self.scene.rays.begin(&self.context, &mut encoder, target.size_px, sampling.contrast())?;
         }
-        let decoder = &self.scene.scalars.decoder;
-        if decoder.pending_vertices() > 0 {
-            stats.vertices_decoded_on_gpu = u64::from(decoder.pending_vertices());
-            decoder.record(&self.context, &mut target.pass(&mut encoder, "decode", Some(6)))?;
-        }
-        let (vertices, items) = (active.params.vertex_count, active.params.item_count);
-        for (label, first, stages) in [
-            ("view transform", 0, &[(Stage::ViewTransform, vertices.div_ceil(256))][..]),
-            (
-                "entries",
-                2,
-                &[
-                    (Stage::EntriesCount, items.div_ceil(64)),
-                    (Stage::EntriesScan, 1),
-                    (Stage::EntriesStore, items.div_ceil(64)),
-                ][..],
-            ),
-        ] {
-            let mut pass = target.pass(&mut encoder, label, Some(first));
-            for &(stage, workgroups) in stages {
+        shared.record(&self.context, pipelines, &active.params, target, &mut encoder, stats)?;
+        {
+            let mut pass = target.pass(&mut encoder, "entries", Some(2));
+            let groups = active.params.item_count.div_ceil(64);
+            for (stage, workgroups) in
+                [(Stage::EntriesCount, groups), (Stage::EntriesScan, 1), (Stage::EntriesStore, groups)]
+            {
                 pipelines.dispatch(&self.context, stage, workgroups, &mut pass)?;
             }
         }
-        self.context.queue.submit([encoder.finish()]);
-        self.scene.scalars.decoder.forget();
-        self.context.check()
+        self.scene.shared.submit(&self.context, encoder)
     }
 
     /// Uploads a job that may be visible, and submits the stages before the walk.
@@ -167,7 +151,7 @@ impl CellWalk {
         let target = self.scene.update(&self.context, &job, (precision, is_sampled), &eye_cells, &mut params)?;
         frame.stats.in_f64 = precision == Precision::Double;
         frame.stats.entry_faces = u64::from(params.face_count);
-        frame.stats.bytes_uploaded = self.scene.bytes_sent;
+        frame.stats.bytes_uploaded = self.scene.shared.bytes_sent;
         let tile_count = params.tile_count();
         let active = WalkJob { job, precision, params, target, tile_count, next_tile: 0, tiles_done: 0, sampling };
         self.begin_costs();
@@ -210,10 +194,10 @@ impl CellWalk {
     /// Submits the walk of the next `count` tiles.
     fn submit_tiles(&mut self, active: &mut WalkJob, count: usize, has_pixels: bool) -> Result<(), RenderError> {
         let target = &active.target;
-        let Scene { pipelines, params, bins, .. } = &self.scene;
+        let Scene { shared, pipelines, bins, .. } = &self.scene;
         let tiles = active.next_tile..(active.next_tile + count).min(active.tile_count);
         active.params.first_tile = tiles.start as u32;
-        params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
+        shared.params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
         let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = target.pass(&mut encoder, "walk", Some(4));
@@ -277,7 +261,7 @@ impl LeavesImage for CellWalk {
     }
 
     fn left<'a>(&'a self, job: &'a WalkJob) -> ImageLeft<'a> {
-        ImageLeft { target: &job.target, params: &job.params, vertices: &self.scene.vertices.vertices }
+        ImageLeft { target: &job.target, params: &job.params, vertices: &self.scene.shared.vertices.vertices }
     }
 }
 
@@ -290,7 +274,7 @@ impl LayerRenderer for CellWalk {
         self.context.check_job(&job)?;
         self.preview = None;
         eye::params(&self.context, &view)?;
-        if self.scene.table.shows_nothing(&job) || job.active.count() == 0 {
+        if self.scene.shared.table.shows_nothing(&job) || job.active.count() == 0 {
             // All pixels are transparent: the frame is complete.
             frame.clear(view.plane_px());
             return Ok(None);

@@ -189,7 +189,7 @@ impl CellWalk {
         let count = self.sampling_costs.fill.units_for(budget, FIRST_TILES, GROUPS_MAX as usize);
         let tiles = active.next_tile..(active.next_tile + count).min(active.tile_count);
         active.params.first_tile = tiles.start as u32;
-        self.scene.params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
+        self.scene.shared.params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
         let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = active.target.pass(&mut encoder, "fill", Some(4));
