@@ -3,7 +3,9 @@
 use super::faces::{DrawnBuffer, FaceBuffers};
 use crate::render::gpu::buffers::GrowingBuffer;
 use crate::render::gpu::context::Context;
-use crate::render::gpu::layout::{EYE_WORDS, FRAGMENT_BYTES, FaceParams, Lists, PIECE_WORDS, Params};
+use crate::render::gpu::layout::{
+    EYE_WORDS, FIRST_PIECES_PER_TILE, FRAGMENT_BYTES, FaceParams, Lists, PIECE_WORDS, Params,
+};
 use crate::render::gpu::pipelines::{NO_RECORDS, Pipelines};
 use crate::render::gpu::resources::Resource;
 use crate::render::gpu::shaders::{FragmentKind, Gathering, Inside, Pass, Precision, Stage};
@@ -14,8 +16,6 @@ use crate::render::{RenderError, RenderJob};
 use crate::visibility::DrawnFaces;
 use std::sync::Arc;
 
-/// Initial capacity for pieces of large faces, per tile: a few faces in all tiles.
-const FIRST_PIECES_PER_TILE: u64 = 8;
 /// Least capacity for fragments.
 const FRAGMENTS_MIN: u32 = 1 << 16;
 
@@ -99,24 +99,14 @@ impl Scene {
         self.shared.upload_active(context, job)?;
         let (target, _) = self.shared.resize(context, params)?;
         let lists = Lists { tiles: params.tile_count() as u64 };
-        self.shared.made |= self.reserve_pieces(context, lists, FIRST_PIECES_PER_TILE * lists.tiles)?;
+        let pieces = FIRST_PIECES_PER_TILE * lists.tiles;
+        self.shared.made |= self.lists.reserve_list(context, lists.pieces(), PIECE_WORDS, pieces)?;
         for fragments in &mut self.fragments {
             self.shared.made |= fragments.reserve(context, FRAGMENT_BYTES)?;
         }
         face_params.face_part = self.faces.part as u32;
-        face_params.piece_capacity = self.piece_capacity(lists);
+        face_params.piece_capacity = self.lists.list_capacity(lists.pieces(), PIECE_WORDS);
         Ok(target)
-    }
-
-    /// Makes room for `pieces` behind the lists. Returns whether the buffer was reallocated.
-    fn reserve_pieces(&mut self, context: &Context, lists: Lists, pieces: u64) -> Result<bool, RenderError> {
-        self.lists.reserve(context, 4 * (lists.pieces() + PIECE_WORDS * pieces))
-    }
-
-    /// Capacity in pieces.
-    fn piece_capacity(&self, lists: Lists) -> u32 {
-        let words = (self.lists.bytes() / 4).saturating_sub(lists.pieces());
-        u32::try_from(words / PIECE_WORDS).unwrap_or(u32::MAX)
     }
 
     /// Makes room for `pieces` and a quarter more.
@@ -127,8 +117,8 @@ impl Scene {
         pieces: u64,
         face_params: &mut FaceParams,
     ) -> Result<(), RenderError> {
-        self.reserve_pieces(context, lists, pieces + pieces / 4)?;
-        face_params.piece_capacity = self.piece_capacity(lists);
+        self.lists.reserve_list(context, lists.pieces(), PIECE_WORDS, pieces + pieces / 4)?;
+        face_params.piece_capacity = self.lists.list_capacity(lists.pieces(), PIECE_WORDS);
         self.pipelines.unbind();
         self.bind(context)
     }

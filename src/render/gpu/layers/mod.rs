@@ -21,7 +21,9 @@ pub(super) mod stage_tests;
 
 use super::buffers::GrowingBuffer;
 use super::context::Context;
-use super::layout::{FACES_PER_GROUP, FaceParams, LayerLists, PIECE_WORDS, Params, TILE_PIXELS, TILE_PX};
+use super::layout::{
+    FACES_PER_GROUP, FIRST_PIECES_PER_TILE, FaceParams, LayerLists, PIECE_WORDS, Params, TILE_PIXELS, TILE_PX,
+};
 use super::pipelines::{NO_RECORDS, Pipelines};
 use super::resources::Resource;
 use super::shaders::{Pass, Precision, Stage};
@@ -32,9 +34,6 @@ use crate::render::{RenderError, RenderJob};
 use crate::visibility::CellSet;
 use std::ops::Range;
 use std::sync::Arc;
-
-/// Initial capacity for pieces of large faces, per tile: a few faces in all tiles.
-const FIRST_PIECES_PER_TILE: u64 = 8;
 
 const FACES: Stage = Stage::Faces(Pass::Layers, Precision::Single);
 const PIECES: Stage = Stage::FacePieces(Pass::Layers, Precision::Single);
@@ -143,7 +142,8 @@ impl DepthLayers {
         made |= self.face_params_buffer.reserve(context, size_of::<FaceParams>() as u64)?;
         made |= self.args.reserve(context, 12)?;
         made |= self.depths.reserve(context, 4 * self.places.depths())?;
-        made |= self.reserve_pieces(context, FIRST_PIECES_PER_TILE * self.places.tiles)?;
+        let pieces = FIRST_PIECES_PER_TILE * self.places.tiles;
+        made |= self.lists.reserve_list(context, LayerLists::HEAD, PIECE_WORDS, pieces)?;
         made |= OnePlane::keep(&mut self.reference, context, Resource::ReferencePlane, size_px)?;
         self.params = params;
         self.face_params = FaceParams {
@@ -243,13 +243,7 @@ impl DepthLayers {
 
     /// Capacity in pieces.
     pub(super) fn piece_capacity(&self) -> u32 {
-        let words = (self.lists.bytes() / 4).saturating_sub(LayerLists::HEAD);
-        u32::try_from(words / PIECE_WORDS).unwrap_or(u32::MAX)
-    }
-
-    /// Makes room for `pieces`. Returns whether the buffer was reallocated.
-    fn reserve_pieces(&mut self, context: &Context, pieces: u64) -> Result<bool, RenderError> {
-        self.lists.reserve(context, 4 * (LayerLists::HEAD + PIECE_WORDS * pieces))
+        self.lists.list_capacity(LayerLists::HEAD, PIECE_WORDS)
     }
 
     /// Makes room for `pieces`, and a quarter more if a binding may hold them. Unbinds all; the boundary must be drawn again.
@@ -259,7 +253,8 @@ impl DepthLayers {
         let most = (context.binding_bytes() / 4).saturating_sub(LayerLists::HEAD) / PIECE_WORDS;
         // A buffer is a multiple of 16 bytes.
         let most = most - most % 2;
-        self.reserve_pieces(context, (pieces + pieces / 4).min(most).max(pieces))?;
+        let pieces = (pieces + pieces / 4).min(most).max(pieces);
+        self.lists.reserve_list(context, LayerLists::HEAD, PIECE_WORDS, pieces)?;
         self.face_params.piece_capacity = self.piece_capacity();
         Ok(())
     }

@@ -101,12 +101,12 @@ impl Scene {
         params.eye_count = eye_cells.len() as u32;
         params.item_count = params.face_count + params.eye_count;
         // Every face in two tiles, every cell at the eye in all: often enough, and corrected if not.
-        let tiles = params.tile_count() as u64;
-        let pairs = 2 * u64::from(params.face_count) + tiles * (eye_cells.len() as u64 + 1);
-        if is_resized || self.pair_capacity(tiles) == 0 {
-            self.shared.made |= self.reserve_pairs(context, tiles, pairs)?;
+        let ends = params.tile_count() as u64 + 1;
+        let pairs = 2 * u64::from(params.face_count) + params.tile_count() as u64 * (eye_cells.len() as u64 + 1);
+        if is_resized || self.bins.list_capacity(ends, PAIR_WORDS) == 0 {
+            self.shared.made |= self.bins.reserve_list(context, ends, PAIR_WORDS, pairs)?;
         }
-        params.pair_capacity = self.pair_capacity(tiles);
+        params.pair_capacity = self.bins.list_capacity(ends, PAIR_WORDS);
         if self.shared.made {
             self.unbind();
         }
@@ -122,22 +122,11 @@ impl Scene {
         is_sampled: bool,
         params: &mut Params,
     ) -> Result<(), RenderError> {
-        let tiles = params.tile_count() as u64;
-        self.reserve_pairs(context, tiles, pairs + pairs / 4)?;
-        params.pair_capacity = self.pair_capacity(tiles);
+        let ends = params.tile_count() as u64 + 1;
+        self.bins.reserve_list(context, ends, PAIR_WORDS, pairs + pairs / 4)?;
+        params.pair_capacity = self.bins.list_capacity(ends, PAIR_WORDS);
         self.unbind();
         self.bind(context, is_sampled)
-    }
-
-    /// Makes room for `pairs` pairs of tile and item behind the ends of `tiles`. Returns whether the buffer was reallocated.
-    fn reserve_pairs(&mut self, context: &Context, tiles: u64, pairs: u64) -> Result<bool, RenderError> {
-        self.bins.reserve(context, 4 * (tiles + 1 + PAIR_WORDS * pairs))
-    }
-
-    /// Capacity in pairs.
-    fn pair_capacity(&self, tiles: u64) -> u32 {
-        let words = (self.bins.bytes() / 4).saturating_sub(tiles + 1);
-        u32::try_from(words / PAIR_WORDS).unwrap_or(u32::MAX)
     }
 
     fn update_domain(&mut self, context: &Context, job: &RenderJob, eye_cells: &[[u32; 2]]) -> Result<(), RenderError> {
