@@ -65,20 +65,28 @@ fn plane(context: &Context, of: Resource, size_px: (usize, usize)) -> Result<wgp
     if size_px.0.max(size_px.1) > most {
         return Err(context.beyond(format!("an image has at most {most} pixels in a row or column")));
     }
+    texture(context, of, size_px, wgpu::TextureUsages::COPY_SRC)
+}
+
+/// A texture that stages write as `of`, and that is sampled or read; for other uses, too, if there are `more`.
+pub(super) fn texture(
+    context: &Context,
+    of: Resource,
+    (width, height): (usize, usize),
+    more: wgpu::TextureUsages,
+) -> Result<wgpu::Texture, RenderError> {
     let format = match of.kind() {
         Kind::Plane(texel) => format(texel),
         _ => return Err(context.beyond(format!("{} is no plane", of.label()))),
     };
     let descriptor = wgpu::TextureDescriptor {
         label: Some(of.label()),
-        size: wgpu::Extent3d { width: size_px.0 as u32, height: size_px.1 as u32, depth_or_array_layers: 1 },
+        size: wgpu::Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: 1 },
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
         format,
-        usage: wgpu::TextureUsages::STORAGE_BINDING
-            | wgpu::TextureUsages::COPY_SRC
-            | wgpu::TextureUsages::TEXTURE_BINDING,
+        usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING | more,
         view_formats: &[],
     };
     let texture = context.create(|device| device.create_texture(&descriptor))?;
