@@ -290,7 +290,7 @@ impl SliceData<'_> {
     }
 
     /// Sums of the tiles' counters.
-    fn counts(&self) -> FrameStats {
+    pub(super) fn counts(&self) -> FrameStats {
         counted(std::array::from_fn(|i| self.counter(i)))
     }
 
@@ -310,13 +310,7 @@ impl SliceData<'_> {
         Some([0, 2, 4, 6].map(|i| stamp(i + 1).saturating_sub(stamp(i)) as f64 * period_ns * 1e-6))
     }
 
-    /// Adds counts and times to a frame's. Returns the milliseconds of the slice's entries and of its walk, if there are timestamps.
-    pub(super) fn add_to(&self, stats: &mut FrameStats, context: &Context) -> Option<[f64; 2]> {
-        stats.add_counts(&self.counts());
-        self.add_times_to(stats, context)
-    }
-
-    /// As [`Self::add_to`], without counts.
+    /// Adds times to a frame's. Returns the milliseconds of the slice's entries and of its walk, if there are timestamps.
     pub(super) fn add_times_to(&self, stats: &mut FrameStats, context: &Context) -> Option<[f64; 2]> {
         let [transform, entries, walk, decode] = self.milliseconds(context)?;
         if stats.vertices_decoded_on_gpu > 0 {

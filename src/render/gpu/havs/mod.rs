@@ -260,7 +260,8 @@ impl FaceLists {
                 if ends_tiles && reads_pixels(&active.job, frame) {
                     slice.copy_pixels(&mut frame.planes, &active.params, active.job.mesh.positions.scale);
                 }
-                slice.add_to(&mut frame.stats, context)
+                frame.stats.add_counts(&slice.counts());
+                slice.add_times_to(&mut frame.stats, context)
             })?,
         };
         let ms = times.map_or_else(|| waiting.elapsed().as_secs_f64() * 1e3, |[_, resolve]| resolve);

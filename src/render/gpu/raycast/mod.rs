@@ -174,13 +174,12 @@ impl CellWalk {
     ) -> Result<bool, RenderError> {
         let slice_started = Instant::now();
         loop {
-            let tiles = self.cost.units_for(budget, FIRST_TILES, GROUPS_MAX as usize);
             if active.next_tile < active.tile_count && self.in_flight.len() < IN_FLIGHT {
-                self.submit_tiles(active, tiles, reads_pixels(&active.job, frame))?;
+                self.submit_tiles(active, budget, reads_pixels(&active.job, frame))?;
                 continue;
             }
             let Some(sent) = self.in_flight.pop_front() else { return Ok(true) };
-            self.collect_slice(sent, active, frame)?;
+            self.collect_tiles(sent, active, frame)?;
             let is_done = active.tiles_done >= active.tile_count;
             if is_done {
                 self.presenter.present(&self.context, &active.target.planes.color, frame)?;
@@ -191,43 +190,54 @@ impl CellWalk {
         }
     }
 
-    /// Submits the walk of the next `count` tiles.
-    fn submit_tiles(&mut self, active: &mut WalkJob, count: usize, has_pixels: bool) -> Result<(), RenderError> {
+    /// Submits the next tiles: their walk, or, if sampling is adaptive, the filling between their rays.
+    fn submit_tiles(&mut self, active: &mut WalkJob, budget: Duration, has_pixels: bool) -> Result<(), RenderError> {
+        let fills = active.sampling.is_some();
+        let cost = if fills { self.sampling_costs.fill } else { self.cost };
+        let count = cost.units_for(budget, FIRST_TILES, GROUPS_MAX as usize);
         let target = &active.target;
-        let Scene { shared, pipelines, bins, .. } = &self.scene;
+        let Scene { shared, pipelines, bins, rays, .. } = &self.scene;
         let tiles = active.next_tile..(active.next_tile + count).min(active.tile_count);
         active.params.first_tile = tiles.start as u32;
         shared.params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
         let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
-            let mut pass = target.pass(&mut encoder, "walk", Some(4));
-            let walk = Stage::Walk(Gathering::of(&active.job), Inside::of(&active.job), active.precision);
-            pipelines.dispatch(&self.context, walk, tiles.len() as u32, &mut pass)?;
+            let mut pass = target.pass(&mut encoder, if fills { "fill" } else { "walk" }, Some(4));
+            if fills {
+                rays.record_fill(&self.context, tiles.len(), &mut pass)?;
+            } else {
+                let walk = Stage::Walk(Gathering::of(&active.job), Inside::of(&active.job), active.precision);
+                pipelines.dispatch(&self.context, walk, tiles.len() as u32, &mut pass)?;
+            }
         }
         active.next_tile = tiles.end;
-        let total = Some((bins.get(&self.context)?, 4 * active.tile_count as u64, 1));
+        let total = if fills { None } else { Some((bins.get(&self.context)?, 4 * active.tile_count as u64, 1)) };
         let sent = self.readback.send(&self.context, encoder, target, (tiles, has_pixels), total)?;
         self.in_flight.push_back(sent);
         Ok(())
     }
 
-    /// Waits for a slice and takes its pixels, or begins the frame again if its lists were too short.
-    fn collect_slice(&mut self, sent: Sent, active: &mut WalkJob, frame: &mut Frame) -> Result<(), RenderError> {
-        let (context, cost) = (&self.context, &mut self.cost);
+    /// Waits for tiles and takes their pixels, or begins the frame again if its lists were too short.
+    fn collect_tiles(&mut self, sent: Sent, active: &mut WalkJob, frame: &mut Frame) -> Result<(), RenderError> {
+        let fills = active.sampling.is_some();
+        let (context, cost) = (&self.context, if fills { &mut self.sampling_costs.fill } else { &mut self.cost });
         let waiting = Instant::now();
         let needed = self.readback.collect(context, sent, |slice| {
-            let needed = u64::from(slice.word_sent(0));
+            let needed = if fills { 0 } else { u64::from(slice.word_sent(0)) };
             if needed > u64::from(active.params.pair_capacity) {
                 return Some(needed);
             }
             if reads_pixels(&active.job, frame) {
                 slice.copy_pixels(&mut frame.planes, &active.params, active.job.mesh.positions.scale);
             }
-            let times = slice.add_to(&mut frame.stats, context);
+            if !fills {
+                frame.stats.add_counts(&slice.counts());
+            }
+            let times = slice.add_times_to(&mut frame.stats, context);
             if let Some([entries, _]) = times {
                 frame.stats.ms_gpu_entries = Some(entries);
             }
-            let ms = times.map_or_else(|| waiting.elapsed().as_secs_f64() * 1e3, |[_, walk]| walk);
+            let ms = times.map_or_else(|| waiting.elapsed().as_secs_f64() * 1e3, |[_, ms]| ms);
             cost.add(ms, slice.tiles.len());
             active.tiles_done += slice.tiles.len();
             if active.tiles_done >= active.tile_count {

@@ -44,7 +44,7 @@ pub(super) struct Sampling {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct SamplingCosts {
     pub(super) group: UnitCost,
-    fill: UnitCost,
+    pub(super) fill: UnitCost,
 }
 
 /// What a slice of rays reads back.
@@ -73,11 +73,6 @@ impl Sampling {
     pub(super) fn contrast(&self) -> f32 {
         self.contrasts.last().copied().unwrap_or(0.0)
     }
-}
-
-/// The stage that walks listed rays.
-pub(super) fn walk_of(job: &WalkJob) -> Stage {
-    Stage::WalkRays(Gathering::of(&job.job), Inside::of(&job.job), job.precision)
 }
 
 impl Told {
@@ -121,14 +116,14 @@ impl CellWalk {
                 continue;
             }
             if fills && has_room && active.next_tile < active.tile_count {
-                self.submit_filling(active, budget, reads_pixels(&active.job, frame))?;
+                self.submit_tiles(active, budget, reads_pixels(&active.job, frame))?;
                 continue;
             }
             let Some(sent) = self.in_flight.pop_front() else { return Ok(true) };
             if !fills {
                 self.collect_rays(sent, active, frame)?;
             } else {
-                self.collect_filling(sent, active, frame)?;
+                self.collect_tiles(sent, active, frame)?;
                 if active.tiles_done >= active.tile_count {
                     return self.end_contrast(active, frame);
                 }
@@ -146,7 +141,8 @@ impl CellWalk {
         let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = active.target.pass(&mut encoder, "walk of rays", Some(4));
-            self.scene.rays.record(&self.context, walk_of(active), groups, &mut pass)?;
+            let walk = Stage::WalkRays(Gathering::of(&active.job), Inside::of(&active.job), active.precision);
+            self.scene.rays.record(&self.context, walk, groups, &mut pass)?;
         }
         let head = Some((self.scene.rays.rays.get(&self.context)?, 0, RayLists::HEAD));
         let sent = self.readback.send(&self.context, encoder, &active.target, (0..0, false), head)?;
@@ -182,41 +178,6 @@ impl CellWalk {
         (stats.blocks_split, stats.blocks_filled) = (counts.blocks_split, counts.blocks_filled);
         // Slices submitted behind the last one do nothing.
         self.abandon()
-    }
-
-    /// Submits the filling of the next tiles.
-    fn submit_filling(&mut self, active: &mut WalkJob, budget: Duration, has_pixels: bool) -> Result<(), RenderError> {
-        let count = self.sampling_costs.fill.units_for(budget, FIRST_TILES, GROUPS_MAX as usize);
-        let tiles = active.next_tile..(active.next_tile + count).min(active.tile_count);
-        active.params.first_tile = tiles.start as u32;
-        self.scene.shared.params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
-        let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        {
-            let mut pass = active.target.pass(&mut encoder, "fill", Some(4));
-            self.scene.rays.record_fill(&self.context, tiles.len(), &mut pass)?;
-        }
-        active.next_tile = tiles.end;
-        let sent = self.readback.send(&self.context, encoder, &active.target, (tiles, has_pixels), None)?;
-        self.in_flight.push_back(sent);
-        Ok(())
-    }
-
-    /// Waits for filled tiles and takes their pixels.
-    fn collect_filling(&mut self, sent: Sent, active: &mut WalkJob, frame: &mut Frame) -> Result<(), RenderError> {
-        let (waiting, cost) = (Instant::now(), &mut self.sampling_costs.fill);
-        self.readback.collect(&self.context, sent, |slice| {
-            if reads_pixels(&active.job, frame) {
-                slice.copy_pixels(&mut frame.planes, &active.params, active.job.mesh.positions.scale);
-            }
-            let times = slice.add_times_to(&mut frame.stats, &self.context);
-            let ms = times.map_or_else(|| waiting.elapsed().as_secs_f64() * 1e3, |[_, fill]| fill);
-            cost.add(ms, slice.tiles.len());
-            active.tiles_done += slice.tiles.len();
-        })?;
-        if active.tiles_done >= active.tile_count {
-            cost.end_frame();
-        }
-        Ok(())
     }
 
     /// Presents the image of a contrast. Returns whether it was the last.
