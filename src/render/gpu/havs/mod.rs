@@ -112,11 +112,6 @@ impl Havs {
         }))
     }
 
-    /// The GPU that it renders on.
-    pub fn context(&self) -> &Arc<Context> {
-        &self.layer.layer.context
-    }
-
     /// Number of bands of the last frame.
     pub fn band_count(&self) -> usize {
         self.layer.layer.bands.len()

@@ -101,11 +101,6 @@ impl Raycast {
             preview: None,
         }))
     }
-
-    /// The GPU that it renders on.
-    pub fn context(&self) -> &Arc<Context> {
-        &self.layer.layer.context
-    }
 }
 
 impl CellWalk {
