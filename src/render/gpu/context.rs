@@ -93,10 +93,7 @@ impl Context {
     /// `NoGpu` if there is no adapter, none of that name, or it gives no device.
     pub fn new(options: &ContextOptions) -> Result<Self, RenderError> {
         let adapters = pollster::block_on(instance().enumerate_adapters(BACKENDS));
-        Self::of_adapter(best(&adapters, options)?, options)
-    }
-
-    fn of_adapter(adapter: &wgpu::Adapter, options: &ContextOptions) -> Result<Self, RenderError> {
+        let adapter = best(&adapters, options)?;
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor(adapter, options)))
             .map_err(|e| RenderError::NoGpu(format!("{} gives no device: {e}", name_of(&adapter.get_info()))))?;
         Ok(Self::of_device(adapter, device, queue, options.binding_bytes))

@@ -35,8 +35,8 @@ impl Places {
     /// The places for all tiles of an image; without pixels if these stay on the GPU.
     fn of(size_px: (usize, usize), has_pixels: bool) -> Self {
         let (width, height) = if has_pixels { size_px } else { (0, 0) };
-        let depth = color_row_bytes(width) * height as u64;
-        let counters = depth + depth_row_bytes(width) * height as u64;
+        let depth = row_bytes::<[f32; 4]>(width) * height as u64;
+        let counters = depth + row_bytes::<f32>(width) * height as u64;
         let words = counters + Target::counter_bytes(size_px);
         // Timestamps are 8 bytes, at a multiple of that.
         let timestamps = (words + 4 * WORDS_MAX as u64).next_multiple_of(8);
@@ -49,16 +49,9 @@ pub(super) fn slice_bytes(size_px: (usize, usize), has_pixels: bool) -> u64 {
     Places::of(size_px, has_pixels).end
 }
 
-fn row_bytes(width: usize, pixel_bytes: u64) -> u64 {
-    (width as u64 * pixel_bytes).next_multiple_of(u64::from(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT))
-}
-
-fn color_row_bytes(width: usize) -> u64 {
-    row_bytes(width, 16)
-}
-
-fn depth_row_bytes(width: usize) -> u64 {
-    row_bytes(width, 4)
+/// Bytes from one row of pixels to the next.
+fn row_bytes<P>(width: usize) -> u64 {
+    ((width * size_of::<P>()) as u64).next_multiple_of(u64::from(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT))
 }
 
 /// Buffers for slices on their way back: each free or under way, and allocated when none is free.
@@ -161,8 +154,8 @@ fn copy_planes(
     let (width, height) = target.size_px;
     let rows = target.rows_of(tiles);
     let planes = [
-        (&target.planes.color, 0, color_row_bytes(width)),
-        (&target.planes.depth, places.depth, depth_row_bytes(width)),
+        (&target.planes.color, 0, row_bytes::<[f32; 4]>(width)),
+        (&target.planes.depth, places.depth, row_bytes::<f32>(width)),
     ];
     for (texture, at, bytes_per_row) in planes {
         let origin = wgpu::Origin3d { x: 0, y: rows.start as u32, z: 0 };
@@ -325,8 +318,8 @@ impl SliceData<'_> {
     /// is the world length of a local unit.
     pub(super) fn copy_pixels(&self, planes: &mut Planes, params: &Params, scale: f64) {
         let origin = depth_of(params.depth_origin) + f64::from(params.pivot);
-        self.copy_plane(&mut planes.color, 0, color_row_bytes, |_| ());
-        self.copy_plane(&mut planes.depth, self.places.depth, depth_row_bytes, |depths| {
+        self.copy_plane(&mut planes.color, 0, |_| ());
+        self.copy_plane(&mut planes.depth, self.places.depth, |depths| {
             for depth in depths {
                 *depth = if *depth >= FAR { f32::INFINITY } else { ((f64::from(*depth) + origin) * scale) as f32 };
             }
@@ -334,17 +327,11 @@ impl SliceData<'_> {
     }
 
     /// Copies a plane that begins at byte `at`, and calls `finished` on each copied piece of a row.
-    fn copy_plane<P: bytemuck::Pod>(
-        &self,
-        plane: &mut Plane<P>,
-        at: u64,
-        row_bytes: impl Fn(usize) -> u64,
-        finished: impl Fn(&mut [P]),
-    ) {
+    fn copy_plane<P: bytemuck::Pod>(&self, plane: &mut Plane<P>, at: u64, finished: impl Fn(&mut [P])) {
         let (width, _) = self.target.size_px;
         for row in self.target.rows_of(&self.tiles) {
             let columns = self.target.columns_of(&self.tiles, row / TILE_PX);
-            let from = (at + row_bytes(width) * row as u64) as usize + size_of::<P>() * columns.start;
+            let from = (at + row_bytes::<P>(width) * row as u64) as usize + size_of::<P>() * columns.start;
             let pixels = &mut plane.pixels[row * width..][columns];
             let bytes = bytemuck::cast_slice_mut::<_, u8>(pixels);
             bytes.copy_from_slice(&self.bytes[from..from + bytes.len()]);
