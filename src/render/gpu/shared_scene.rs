@@ -115,7 +115,7 @@ impl SharedScene {
 
     /// The buffers that stages may bind.
     pub(super) fn buffers(&self) -> Vec<&GrowingBuffer> {
-        let mut buffers = vec![&self.params, &self.active, self.surfaces.buffer()];
+        let mut buffers = vec![&self.params, &self.active, &self.surfaces.buffer];
         buffers.extend(self.vertices.buffers());
         buffers.extend(self.table.buffers());
         buffers.extend(self.target.iter().map(|target| &target.counters));

@@ -122,7 +122,7 @@ impl Scene {
             let [at_pixels, at_samples] = &mut self.layers;
             stale |= at_pixels.update(context, params, edges.layers, &self.boundary)?;
             if !is_joint {
-                at_samples.share(at_pixels);
+                at_samples.pipelines.share(&at_pixels.pipelines);
                 stale |= at_samples.update(context, *left.params, edges.layers, &self.boundary)?;
             }
         }
@@ -168,7 +168,7 @@ impl Scene {
     fn unbind(&mut self) {
         self.bound = None;
         self.pipelines.unbind();
-        self.layers.iter_mut().for_each(DepthLayers::unbind);
+        self.layers.iter_mut().for_each(|layers| layers.pipelines.unbind());
     }
 
     /// Makes the bind groups that are missing.

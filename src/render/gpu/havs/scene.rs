@@ -160,7 +160,7 @@ impl Scene {
     /// Makes the bind groups that are missing.
     fn bind(&mut self, context: &Context) -> Result<(), RenderError> {
         let (mut buffers, planes) = (self.shared.buffers(), self.shared.planes());
-        buffers.extend([&self.face_params, &self.lists, &self.drawn.buffer, self.corners.buffer()]);
+        buffers.extend([&self.face_params, &self.lists, &self.drawn.buffer, &self.corners.buffer]);
         buffers.extend(&self.faces.parts);
         buffers.extend(&self.fragments);
         self.pipelines.bind(context, &buffers, &planes)

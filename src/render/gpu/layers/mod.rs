@@ -97,7 +97,7 @@ pub(super) struct DepthLayers {
     pub(super) depths: GrowingBuffer,
     /// The plane of depth layers, 0 to 1, that filters compare.
     reference: Option<OnePlane>,
-    pipelines: Pipelines,
+    pub(super) pipelines: Pipelines,
     pub(super) params: Params,
     face_params: FaceParams,
     places: LayerLists,
@@ -165,11 +165,6 @@ impl DepthLayers {
         [params_buffer, face_params_buffer, lists, args, depths].into_iter().for_each(GrowingBuffer::release);
     }
 
-    /// Shares the stages that `others` has compiled.
-    pub(super) fn share(&mut self, others: &Self) {
-        self.pipelines.share(&others.pipelines);
-    }
-
     /// View of the reference plane, if it is allocated.
     pub(super) fn reference(&self) -> Option<&wgpu::TextureView> {
         self.reference.as_ref().map(|plane| &plane.view)
@@ -179,11 +174,6 @@ impl DepthLayers {
     #[cfg(test)]
     pub(super) fn plane(&self) -> Option<&OnePlane> {
         self.reference.as_ref()
-    }
-
-    /// Drops the bind groups: bound buffers have been reallocated.
-    pub(super) fn unbind(&mut self) {
-        self.pipelines.unbind();
     }
 
     /// Makes the missing bind groups, with the boundary, its view vertices and the buffer of the depth range.
@@ -249,7 +239,7 @@ impl DepthLayers {
     /// Makes room for `pieces`, and a quarter more if a binding may hold them. Unbinds all; the boundary must be drawn again.
     pub(super) fn grow_pieces(&mut self, context: &Context, pieces: u64) -> Result<(), RenderError> {
         // Bind groups would keep the old list alive beside the new one.
-        self.unbind();
+        self.pipelines.unbind();
         let most = (context.binding_bytes() / 4).saturating_sub(LayerLists::HEAD) / PIECE_WORDS;
         // A buffer is a multiple of 16 bytes.
         let most = most - most % 2;

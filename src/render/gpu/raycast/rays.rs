@@ -21,7 +21,7 @@ pub(super) struct RayScene {
     args: GrowingBuffer,
     /// Colour and depth of the rays cast, and the width and height of their image.
     pub(super) seen: Option<((usize, usize), PlanePair)>,
-    pipelines: Pipelines,
+    pub(super) pipelines: Pipelines,
 }
 
 impl RayScene {
@@ -54,7 +54,7 @@ impl RayScene {
             stale = true;
         }
         if stale {
-            self.unbind();
+            self.pipelines.unbind();
         }
         Ok(())
     }
@@ -63,13 +63,8 @@ impl RayScene {
     pub(super) fn forget_other(&mut self, size_px: (usize, usize)) {
         if self.seen.as_ref().is_some_and(|(size, _)| *size != size_px) {
             (self.seen, self.rays) = (None, GrowingBuffer::new(Resource::Rays));
-            self.unbind();
+            self.pipelines.unbind();
         }
-    }
-
-    /// Drops the bind groups: bound buffers have been reallocated.
-    pub(super) fn unbind(&mut self) {
-        self.pipelines.unbind();
     }
 
     /// Makes the missing bind groups, from its own resources, `buffers` and `planes`.

@@ -157,7 +157,7 @@ impl Scene {
     /// Drops the bind groups: bound buffers have been reallocated.
     fn unbind(&mut self) {
         self.pipelines.unbind();
-        self.rays.unbind();
+        self.rays.pipelines.unbind();
     }
 
     /// Makes the bind groups that are missing.
