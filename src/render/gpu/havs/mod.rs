@@ -39,7 +39,6 @@ use super::presenter::Presenter;
 use super::readback::{Readback, Words, wait_for};
 use super::shaders::{FragmentKind, Precision};
 use super::slices::{IN_FLIGHT, SLICE, UnitCost};
-use super::target::Target;
 use crate::render::cpu::havs::checked_faces;
 use crate::render::{Frame, FrameRun, LayerRenderer, RenderError, RenderJob};
 use crate::stats::FrameStats;
@@ -264,12 +263,6 @@ impl FaceLists {
         Ok(())
     }
 
-    /// Ends the frame: updates costs and presents the image.
-    fn finish(&mut self, target: &Target, frame: &mut Frame) -> Result<(), RenderError> {
-        self.costs.iter_mut().for_each(UnitCost::end_frame);
-        self.presenter.present(&self.context, &target.planes.color, frame)
-    }
-
     /// The face parameters that are known before the upload.
     fn face_params(job: &RenderJob, drawn: &DrawnFaces, precision: Precision, eye_distance: f64) -> FaceParams {
         FaceParams {
@@ -347,7 +340,8 @@ impl LayerRenderer for FaceLists {
                 self.collect(flight, active, frame)?;
             }
             if step == Step::End && self.in_flight.is_empty() {
-                self.finish(&active.target, frame)?;
+                self.costs.iter_mut().for_each(UnitCost::end_frame);
+                self.presenter.present(&self.context, &active.target.planes.color, frame)?;
                 return Ok(true);
             }
             if slice_started.elapsed() >= budget {
