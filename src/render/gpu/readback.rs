@@ -248,7 +248,7 @@ fn has_been_mapped(mapped: &Mapped) -> bool {
     waiting.unwrap_or_else(PoisonError::into_inner).0.take() == Some(true)
 }
 
-/// Sums of counters as statistics, in the order of shaders/lib/walk.wgsl.
+/// Sums of counters as statistics, in the order of shaders/lib/counters.wgsl.
 pub(super) fn counted(sum: [u64; COUNTERS]) -> FrameStats {
     let [steps, segments, entries, rays_hit, rays_stopped_early, out_of_order, broken_paths, _] = sum;
     FrameStats {
