@@ -248,7 +248,7 @@ pub struct RecordSplit {
 pub const RECORD_PARTS_MAX: u32 = 3;
 
 /// Bytes of a cell's record: four vertices, four neighbours.
-pub const RECORD_BYTES: u64 = 32;
+const RECORD_BYTES: u64 = 32;
 
 impl RecordSplit {
     /// How `cells` records are split if a binding holds at most `binding_bytes`; `None` if they do not fit.
@@ -406,9 +406,9 @@ impl Stage {
             Self::FaceResolve(how, ..) => how.fragments(),
             _ => FragmentKind::Plain,
         };
-        let numbers = [("RECORD_PARTS", split.parts), ("RECORD_SHIFT", split.shift)];
-        let numbers = numbers.into_iter().chain([("FRAGMENT_PAIRS", (kind.bytes() / 8) as u32)]);
-        numbers.map(|(name, number)| format!("const {name}: u32 = {number}u;\n")).collect()
+        let RecordSplit { parts, shift } = split;
+        let records = format!("const RECORD_PARTS: u32 = {parts}u;\nconst RECORD_SHIFT: u32 = {shift}u;\n");
+        format!("{records}const FRAGMENT_PAIRS: u32 = {}u;\n", kind.bytes() / 8)
     }
 
     /// The parts of `shaders/lib/` that its file needs.
