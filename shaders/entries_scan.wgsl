@@ -3,11 +3,6 @@
 const THREADS: u32 = 256u;
 var<workgroup> sums: array<u32, THREADS>;
 
-// Saturating sum; its largest value exceeds any capacity.
-fn add_up(a: u32, b: u32) -> u32 {
-    return select(a + b, 0xffffffffu, a > 0xffffffffu - b);
-}
-
 @compute @workgroup_size(256)
 fn entries_scan(@builtin(local_invocation_index) thread: u32) {
     let tile_count = params.tiles.x * params.tiles.y;

@@ -9,15 +9,6 @@
 // A workgroup is a tile, a thread a pixel; it sorts its fragments where they lie. Those of deep pixels have been sorted
 // (face_sort.wgsl).
 
-// Counters of a tile, in the order of walk.wgsl.
-const SEGMENTS: u32 = 1u;
-const RAYS_HIT: u32 = 3u;
-const STOPPED_EARLY: u32 = 4u;
-const OUT_OF_ORDER: u32 = 5u;
-const BROKEN: u32 = 6u;
-const COUNTERS: u32 = 8u;
-var<workgroup> counts: array<atomic<u32>, COUNTERS>;
-
 fn active_or_none(cell: u32) -> u32 {
     if cell == NONE || is_active(cell) {
         return cell;

@@ -4,11 +4,6 @@
 var<workgroup> sums: array<u32, TILE_PIXELS>;
 var<workgroup> deepest: atomic<u32>;
 
-// Saturating sum; its largest value exceeds any capacity.
-fn add_up(a: u32, b: u32) -> u32 {
-    return select(a + b, 0xffffffffu, a > 0xffffffffu - b);
-}
-
 @compute @workgroup_size(256)
 fn face_scan(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let tile = group.x + group.y * groups.x;

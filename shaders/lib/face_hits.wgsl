@@ -50,11 +50,7 @@ fn hit_face(ray: Ray, ids: vec3<u32>, a: ViewVertex, b: ViewVertex, c: ViewVerte
     }
     found.turned = !bc.positive;
     let edges = max(select(real3(bc.value, -ac.value, ab.value), real3(-bc.value, ac.value, -ab.value), found.turned), real3(0.0));
-    let sum = edges.x + edges.y + edges.z;
-    var weights = real3(1.0 / 3.0);
-    if sum > real(0.0) {
-        weights = edges / sum;
-    }
+    let weights = weights_of_hit(edges);
     // The sum is the same for both cells at the face: its terms are in the order of the ids.
     let terms = edges * real3(p.z, q.z, r.z);
     found.in_front = (opaque_real(terms.x) + opaque_real(terms.y)) + opaque_real(terms.z) > real(0.0);

@@ -81,12 +81,3 @@ fn comes_before(depth: vec2<f32>, rank: u32, other: u32, by_depth: bool) -> bool
     }
     return rank < pair(other, 1u).y;
 }
-
-// Slot of a pixel's first fragment, and the number of its fragments.
-fn fragments_of(tile: u32, local: u32) -> vec2<u32> {
-    var begin = 0u;
-    if local > 0u {
-        begin = lists[pixel_of(tile, local - 1u)];
-    }
-    return vec2(lists[base_of(tile)] + begin, lists[pixel_of(tile, local)] - begin);
-}

@@ -6,24 +6,8 @@ fn count_fragment(tile: u32, local: u32) {}
 
 fn keep_fragment(tile: u32, local: u32, found: FaceHit, rank: u32, cells: vec2<u32>) {
     let slot = atomicLoad(&lists[base_of(tile)]) + atomicAdd(&lists[pixel_of(tile, local)], 1u);
-    let part = face_params.fragment_part;
-    if slot < part {
-        let at = FRAGMENT_PAIRS * slot;
-        fragments_0[at] = bitcast<vec2<u32>>(found.depth);
-        fragments_0[at + 1u] = vec2(bitcast<u32>(found.scalar), rank);
-        fragments_0[at + 2u] = cells;
-        if FRAGMENT_PAIRS == JOINT_PAIRS {
-            fragments_0[at + 3u] = vec2(bitcast<u32>(found.value), 0u);
-        }
-    } else {
-        let at = FRAGMENT_PAIRS * (slot - part);
-        fragments_1[at] = bitcast<vec2<u32>>(found.depth);
-        fragments_1[at + 1u] = vec2(bitcast<u32>(found.scalar), rank);
-        fragments_1[at + 2u] = cells;
-        if FRAGMENT_PAIRS == JOINT_PAIRS {
-            fragments_1[at + 3u] = vec2(bitcast<u32>(found.value), 0u);
-        }
-    }
+    let scalar_rank = vec2(bitcast<u32>(found.scalar), rank);
+    store(slot, Stored(bitcast<vec2<u32>>(found.depth), scalar_rank, cells, vec2(bitcast<u32>(found.value), 0u)));
 }
 
 fn is_in_band(tile: u32, local: u32) -> bool {

@@ -23,11 +23,25 @@ struct Light {
 }
 var<private> light: Light;
 
+// What segments have gathered so far, whatever integrates them.
+struct Optics {
+    // Accumulated premultiplied colour and opacity; remaining transmittance.
+    light: vec4<f32>,
+    transmittance: f32,
+    // Rounding error of the transmittance, carried.
+    carried: f32,
+    pieces: u32,
+    // Whether a piece had extinction, and before which share of its segment the first of them began.
+    visible: bool,
+    visible_share: f32,
+}
+var<private> optics: Optics;
+
 // Resets the state of a ray before its first segment.
 fn light_transparent(ray: Ray) {
     light = Light(ray.length_per_depth, real(0.0), real2(0.0), false, real(params.near), false, NOWHERE);
     medium_ray(ray);
-    optics_transparent();
+    optics = Optics(vec4(0.0), 1.0, 0.0, 0u, false, 0.0);
 }
 
 // Reduces the transmittance by the opacity gathered; the rounding error is carried into the next reduction. CPU twin:
@@ -36,6 +50,27 @@ fn optics_dim(gathered: f32) {
     let left = two_sum(optics.transmittance, optics.carried - gathered);
     optics.transmittance = left.x;
     optics.carried = left.y;
+}
+
+// Composites premultiplied colour and opacity behind the accumulated light.
+fn optics_add(rgb: vec3<f32>, alpha: f32) {
+    optics.light += vec4(rgb, alpha) * optics.transmittance;
+    optics_dim(optics.transmittance * alpha);
+    optics.pieces += 1u;
+}
+
+// Composites a visible piece with these weights of the colours at its ends; it begins before this share of its segment.
+fn optics_add_piece(near: vec3<f32>, far: vec3<f32>, weights: vec2<f32>, share: f32) {
+    if !optics.visible {
+        optics.visible = true;
+        optics.visible_share = share;
+    }
+    let of_near = optics.transmittance * weights.x;
+    let of_far = optics.transmittance * weights.y;
+    optics.light += vec4(near, 1.0) * of_near + vec4(far, 1.0) * of_far;
+    // Not the product with the piece's transmittance: over many equal pieces that is rounded the same way each time.
+    optics_dim(optics.transmittance * (weights.x + weights.y));
+    optics.pieces += 1u;
 }
 
 // Composites the segment from the last place through a cell to the next, or the part of it behind `front`; false if there is none.

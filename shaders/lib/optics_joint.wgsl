@@ -20,19 +20,6 @@ struct JointParams {
     cell_count: u32,
 }
 
-struct Optics {
-    // Accumulated premultiplied colour and opacity; remaining transmittance.
-    light: vec4<f32>,
-    transmittance: f32,
-    // Rounding error of the transmittance, carried.
-    carried: f32,
-    pieces: u32,
-    // Whether a piece had extinction, and before which share of its segment the first of them began.
-    visible: bool,
-    visible_share: f32,
-}
-var<private> optics: Optics;
-
 // An interval of an axis.
 struct Side {
     number: u32,
@@ -47,11 +34,6 @@ var<private> layers: vec2<u32>;
 var<private> layer_share: f32;
 // The value at vertices, interpolated at both ends of the segment.
 var<private> values: vec2<f32>;
-
-// Resets the optics before a ray's first segment.
-fn optics_transparent() {
-    optics = Optics(vec4(0.0), 1.0, 0.0, 0u, false, 0.0);
-}
 
 // Begins at a place with this value, after a gap.
 fn medium_begin(value: f32) {
@@ -188,18 +170,9 @@ fn joint_piece(near: vec2<f32>, far: vec2<f32>, is_below: bool, length: f32, sha
     if at_near.w == 0.0 && at_far.w == 0.0 {
         return;
     }
-    if !optics.visible {
-        optics.visible = true;
-        optics.visible_share = share;
-    }
     // Optical depths beyond 1e9 are opaque; larger products would overflow.
     let weights = piece_weights(min(at_near.w * length, 1e9), min(at_far.w * length, 1e9));
-    let transmittance = optics.transmittance;
-    let of_near = transmittance * weights.x;
-    let of_far = transmittance * weights.y;
-    optics.light += vec4(at_near.xyz, 1.0) * of_near + vec4(at_far.xyz, 1.0) * of_far;
-    optics_dim(transmittance * (weights.x + weights.y));
-    optics.pieces += 1u;
+    optics_add_piece(at_near.xyz, at_far.xyz, weights, share);
 }
 
 // Composites the segment along which the scalar goes linearly from s0 to s1. One loop for all lines that it meets, as in

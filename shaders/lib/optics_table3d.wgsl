@@ -1,5 +1,5 @@
 // The pre-integrated table: segments are looked up by the scalars at their ends and their length. CPU twin:
-// optics/table3d.rs, where the table is described. Replaces optics_exact.wgsl, with the same functions and `optics`.
+// optics/table3d.rs, where the table is described. Replaces optics_exact.wgsl, with the same functions.
 // In `table` the length varies fastest, then s0, then s1; `table3d` are its parameters.
 
 struct Table3dParams {
@@ -19,28 +19,6 @@ struct Table3dParams {
 
 // Below this mean extinction the colour fades to black.
 const MEAN_MIN: f32 = 1e-37;
-// Transmittance below which a ray counts as opaque (optics::OPAQUE_TRANSMITTANCE).
-const TABLE3D_OPAQUE: f32 = 1.0 / 131072.0;
-
-struct Optics {
-    // Accumulated premultiplied colour and opacity; remaining transmittance.
-    light: vec4<f32>,
-    transmittance: f32,
-    // Rounding error of the transmittance, carried.
-    carried: f32,
-    pieces: u32,
-    // Whether a segment had extinction, and before which share of the first such segment it began: always its near end,
-    // since a table does not know where in it (the CPU asks the transfer function itself).
-    visible: bool,
-    visible_share: f32,
-}
-
-var<private> optics: Optics;
-
-// Resets the optics before a ray's first segment.
-fn optics_transparent() {
-    optics = Optics(vec4(0.0), 1.0, 0.0, 0u, false, 0.0);
-}
 
 // Does nothing: the table is looked up by both ends of a segment.
 fn optics_enter(scalar: f32) {
@@ -92,6 +70,7 @@ fn table3d_composite(entry: vec4<f32>, length: f32) {
     optics_dim(optics.transmittance * alpha);
     if depth > 0.0 {
         optics.pieces += 1u;
+        // From the near end of the segment on: a table does not know where in it (the CPU asks the transfer function itself).
         optics.visible = true;
     }
 }
@@ -128,7 +107,7 @@ fn optics_segment(s0: f32, s1: f32, length: f32) {
     let inside = shares.y * length;
     let parts = max(ceil(inside / table3d.length_max), 1.0);
     let rise = (ends.y - ends.x) / parts;
-    for (var done = 0.0; inside > 0.0 && done < parts && optics.transmittance >= TABLE3D_OPAQUE; done += 1.0) {
+    for (var done = 0.0; inside > 0.0 && done < parts && optics.transmittance >= OPAQUE; done += 1.0) {
         let next = select(ends.x + rise * (done + 1.0), ends.y, done + 1.0 == parts);
         table3d_composite(table3d_look_up(ends.x + rise * done, next, inside / parts), inside / parts);
     }

@@ -54,14 +54,20 @@ fn signed_edge(a: real4, b: real4, a_id: u32, b_id: u32) -> SignedEdge {
     return accurate_edge(a, b, a_id, b_id);
 }
 
-// Depth and scalar where the ray hits a triangle, from its edge functions opposite p, q, r. A convex combination.
-fn hit(edges: real3, p: real4, q: real4, r: real4) -> real2 {
-    var e = max(edges, real3(0.0));
+// Weights of the corners of a triangle where the ray hits it, from its edge functions opposite them.
+fn weights_of_hit(edges: real3) -> real3 {
+    let e = max(edges, real3(0.0));
     let sum = e.x + e.y + e.z;
     var weights = real3(1.0 / 3.0);
     if sum > real(0.0) {
         weights = e / sum;
     }
+    return weights;
+}
+
+// Depth and scalar where the ray hits a triangle, from its edge functions opposite p, q, r. A convex combination.
+fn hit(edges: real3, p: real4, q: real4, r: real4) -> real2 {
+    let weights = weights_of_hit(edges);
     let at = p.zw + weights.y * (q.zw - p.zw) + weights.z * (r.zw - p.zw);
     return real2(at.x, scalar_on_face(at.y, p.w, q.w, r.w));
 }

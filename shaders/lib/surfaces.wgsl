@@ -98,9 +98,7 @@ fn meet(sheet: Sheet, cell: u32, depth: real, ascends: bool) {
     }
     let lit = light_on(cell, depth) * opacity;
     let rgb = select(sheet.back.xyz, sheet.front.xyz, ascends);
-    optics.light += vec4(rgb * lit, opacity) * optics.transmittance;
-    optics_dim(optics.transmittance * opacity);
-    optics.pieces += 1u;
+    optics_add(rgb * lit, opacity);
     if !optics.visible {
         optics.visible = true;
         light.visible_from = f32(depth + light.behind);

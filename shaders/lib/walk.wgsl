@@ -5,17 +5,6 @@
 // the nearest four starts after the last one taken, and again when these are used up. Lists of any length cost time but no memory, and
 // no start is dropped.
 
-// Counters of a workgroup, in this order.
-const STEPS: u32 = 0u;
-const SEGMENTS: u32 = 1u;
-const ENTRIES: u32 = 2u;
-const RAYS_HIT: u32 = 3u;
-const STOPPED_EARLY: u32 = 4u;
-const OUT_OF_ORDER: u32 = 5u;
-const BROKEN: u32 = 6u;
-const COUNTERS: u32 = 8u;
-var<workgroup> counts: array<atomic<u32>, COUNTERS>;
-
 // The nearest starts of paths, in order: depths, and cell << 2 | opposite vertex of the face.
 struct Starts {
     depth: real4,

@@ -8,7 +8,12 @@ use super::resources::{Kind, Resource};
 use crate::mesh::Mesh;
 use crate::render::surfaces::SurfaceScene;
 use crate::render::{RenderError, RenderJob};
+use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::{Arc, Weak};
+
+/// Cells or faces that are packed and sent at a time.
+const ELEMENTS_PER_PIECE: usize = 1 << 18;
 
 /// A buffer that is reallocated only when it is too small.
 #[derive(Debug)]
@@ -67,6 +72,43 @@ impl GrowingBuffer {
         self.buffer = Some(context.create(|device| device.create_buffer(&descriptor))?);
         context.count_created(1);
         Ok(true)
+    }
+
+    /// As [`Self::reserve`], for `count` entries of `entry_words` words each behind the first `head_words` words.
+    pub(super) fn reserve_list(
+        &mut self,
+        context: &Context,
+        head_words: u64,
+        entry_words: u64,
+        count: u64,
+    ) -> Result<bool, RenderError> {
+        self.reserve(context, 4 * (head_words + entry_words * count))
+    }
+
+    /// The number of entries for which there is room behind the first `head_words` words.
+    pub(super) fn list_capacity(&self, head_words: u64, entry_words: u64) -> u32 {
+        let words = (self.bytes() / 4).saturating_sub(head_words);
+        u32::try_from(words / entry_words).unwrap_or(u32::MAX)
+    }
+
+    /// Makes room for the packed elements of a range and sends them, in pieces, so that no second copy of a large mesh is held. Returns
+    /// whether the buffer was reallocated, and the bytes sent.
+    pub(super) fn upload_packed<T: bytemuck::Pod + Send>(
+        &mut self,
+        context: &Context,
+        range: Range<usize>,
+        pack: impl Fn(usize) -> T + Sync,
+    ) -> Result<(bool, u64), RenderError> {
+        let made = self.reserve(context, (size_of::<T>() * range.len()) as u64)?;
+        let (mut piece, mut sent) = (Vec::new(), 0);
+        for from in range.clone().step_by(ELEMENTS_PER_PIECE) {
+            let to = (from + ELEMENTS_PER_PIECE).min(range.end);
+            (from..to).into_par_iter().map(&pack).collect_into_vec(&mut piece);
+            sent += self.write(context, sent, bytemuck::cast_slice(&piece))?;
+            // Frees the staging memory of the piece before the next.
+            context.queue.submit([]);
+        }
+        Ok((made, sent))
     }
 
     /// Frees the buffer.

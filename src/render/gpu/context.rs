@@ -1,6 +1,7 @@
 //! A GPU: adapter, device and queue, and their faults.
 
 use crate::camera::Samples;
+use crate::render::surfaces::SurfaceScene;
 use crate::render::{RenderError, RenderJob};
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -92,10 +93,7 @@ impl Context {
     /// `NoGpu` if there is no adapter, none of that name, or it gives no device.
     pub fn new(options: &ContextOptions) -> Result<Self, RenderError> {
         let adapters = pollster::block_on(instance().enumerate_adapters(BACKENDS));
-        Self::of_adapter(best(&adapters, options)?, options)
-    }
-
-    fn of_adapter(adapter: &wgpu::Adapter, options: &ContextOptions) -> Result<Self, RenderError> {
+        let adapter = best(&adapters, options)?;
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor(adapter, options)))
             .map_err(|e| RenderError::NoGpu(format!("{} gives no device: {e}", name_of(&adapter.get_info()))))?;
         Ok(Self::of_device(adapter, device, queue, options.binding_bytes))
@@ -204,22 +202,16 @@ impl Context {
     /// As [`Self::check`]; also `BeyondGpu` if a job has features without shaders.
     pub(super) fn check_job(&self, job: &RenderJob) -> Result<(), RenderError> {
         self.check()?;
-        if job.fragments.is_some() {
-            return Err(self.beyond("cells together with fragments of other layers".to_owned()));
-        }
-        if job.surfaces.as_ref().is_some_and(|scene| !scene.planes().is_empty()) {
-            return Err(self.beyond("cuts".to_owned()));
-        }
-        if job.surfaces.as_ref().is_some_and(|scene| scene.lights_volume()) {
-            return Err(self.beyond("light on the volume".to_owned()));
-        }
-        if job.surfaces.as_ref().is_some_and(|scene| scene.has_beside()) {
-            return Err(self.beyond("colours of another field".to_owned()));
-        }
-        if let Samples::Pixels(_) = job.view.samples {
-            return Err(self.beyond("a list of pixels".to_owned()));
-        }
-        Ok(())
+        let surfaces_are = |so: fn(&SurfaceScene) -> bool| job.surfaces.as_ref().is_some_and(so);
+        let lacking = [
+            (job.fragments.is_some(), "cells together with fragments of other layers"),
+            (surfaces_are(|scene| !scene.planes().is_empty()), "cuts"),
+            (surfaces_are(SurfaceScene::lights_volume), "light on the volume"),
+            (surfaces_are(SurfaceScene::has_beside), "colours of another field"),
+            (matches!(job.view.samples, Samples::Pixels(_)), "a list of pixels"),
+        ];
+        let feature = lacking.into_iter().find_map(|(is_asked_for, feature)| is_asked_for.then_some(feature));
+        feature.map_or(Ok(()), |feature| Err(self.beyond(feature.to_owned())))
     }
 
     /// Makes resources; running out of memory becomes an error instead of a fault.

@@ -6,7 +6,6 @@ use super::layout::VqStep;
 use super::pipelines::{NO_RECORDS, Pipelines};
 use super::resources::Resource;
 use super::shaders::Stage;
-use super::slices::dispatch;
 use crate::codec::vq::{GROUPS, Indices, group_of_step};
 use crate::render::{CompressedStep, RenderError};
 use bytemuck::bytes_of;
@@ -91,42 +90,36 @@ impl BlockDecoder {
 
     fn send_block(&self, context: &Context, step: &CompressedStep, places: &VqStep) -> Result<u64, RenderError> {
         let block = &step.block;
-        let mut sent = 0;
-        let mut send = |word: u32, bytes: &[u8]| -> Result<(), RenderError> {
-            // Whole words only; the last one is padded with zeros.
-            let whole = bytes.len() / 4 * 4;
-            sent += self.block.write(context, 4 * u64::from(word), &bytes[..whole])?;
-            let mut last = [0; 4];
-            last[..bytes.len() - whole].copy_from_slice(&bytes[whole..]);
-            if whole < bytes.len() {
-                sent += self.block.write(context, 4 * u64::from(word) + whole as u64, &last)?;
-            }
-            Ok(())
+        let [first, second] = match block.indices() {
+            Indices::Narrow([first, second]) => [&first[..], &second[..]],
+            Indices::Wide([first, second]) => [bytemuck::cast_slice(first), bytemuck::cast_slice(second)],
         };
-        send(0, bytemuck::cast_slice(block.cb8()))?;
-        send(words(size_of_val(block.cb8())), bytemuck::cast_slice(block.cb64()))?;
-        send(places.means, bytemuck::cast_slice(block.means()))?;
-        match block.indices() {
-            Indices::Narrow([first, second]) => {
-                send(places.first, first)?;
-                send(places.second, second)?;
+        let parts: [(u32, &[u8]); 6] = [
+            (0, bytemuck::cast_slice(block.cb8())),
+            (words(size_of_val(block.cb8())), bytemuck::cast_slice(block.cb64())),
+            (places.means, bytemuck::cast_slice(block.means())),
+            (places.first, first),
+            (places.second, second),
+            (places.exponents, bytemuck::cast_slice(block.exponents())),
+        ];
+        let mut sent = 0;
+        for (word, bytes) in parts {
+            // Whole words only; the last one is padded with zeros.
+            let (whole, rest) = bytes.split_at(bytes.len() / 4 * 4);
+            let at = 4 * u64::from(word);
+            sent += self.block.write(context, at, whole)?;
+            if !rest.is_empty() {
+                let mut last = [0; 4];
+                last[..rest.len()].copy_from_slice(rest);
+                sent += self.block.write(context, at + whole.len() as u64, &last)?;
             }
-            Indices::Wide([first, second]) => {
-                send(places.first, bytemuck::cast_slice(first))?;
-                send(places.second, bytemuck::cast_slice(second))?;
-            }
-        }
-        if !block.exponents().is_empty() {
-            send(places.exponents, bytemuck::cast_slice(block.exponents()))?;
         }
         Ok(sent)
     }
 
     /// Records the decoding in a pass.
     pub(super) fn record(&self, context: &Context, pass: &mut wgpu::ComputePass<'_>) -> Result<(), RenderError> {
-        self.pipelines.set(context, Stage::DecodeVq, pass)?;
-        dispatch(pass, self.places.vertex_count.div_ceil(256));
-        Ok(())
+        self.pipelines.dispatch(context, Stage::DecodeVq, self.places.vertex_count.div_ceil(256), pass)
     }
 }
 

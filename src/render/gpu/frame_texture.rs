@@ -2,6 +2,8 @@
 
 use super::context::Context;
 use super::resources::Resource;
+use super::target::texture;
+use crate::render::RenderError;
 use std::sync::Arc;
 
 /// A frame on the GPU of a window, in [`FrameTexture::FORMAT`]: premultiplied accumulators, row 0 on top.
@@ -17,22 +19,8 @@ impl FrameTexture {
     /// Filterable and writable on every GPU; its 11 significant bits are three more than a screen shows.
     pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 
-    pub(super) fn new(
-        context: &Arc<Context>,
-        (width, height): (usize, usize),
-    ) -> Result<Self, crate::render::RenderError> {
-        let descriptor = wgpu::TextureDescriptor {
-            label: Some(Resource::Screen.label()),
-            size: wgpu::Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: Self::FORMAT,
-            usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING,
-            view_formats: &[],
-        };
-        let texture = context.create(|device| device.create_texture(&descriptor))?;
-        context.count_created(1);
+    pub(super) fn new(context: &Arc<Context>, size_px: (usize, usize)) -> Result<Self, RenderError> {
+        let texture = texture(context, Resource::Screen, size_px, wgpu::TextureUsages::empty())?;
         Ok(Self { context: context.clone(), texture, source: None })
     }
 

@@ -22,7 +22,6 @@ const CELLS_PER_VECTOR: usize = 2;
 pub(super) struct JointBuffers {
     cells: Option<CellsSent>,
     table: Option<TableSent>,
-    params: JointParams,
 }
 
 /// The cell values that have been sent, as layers of a table.
@@ -79,7 +78,7 @@ impl JointBuffers {
             let packed = packed(&scene.table, map, rows, wanted.scale);
             sent += buffer.write(context, 16 * first as u64, bytemuck::cast_slice(&packed.words))?;
             let (first, scalars) = (first as u32, packed.scalar_intervals);
-            self.params = JointParams {
+            let params = JointParams {
                 scalar_intervals: first,
                 scalar_count: scalars,
                 row_intervals: first + scalars,
@@ -90,7 +89,7 @@ impl JointBuffers {
                 cells: 0,
                 cell_count: count as u32,
             };
-            sent += parameters.write(context, 0, bytemuck::bytes_of(&self.params))?;
+            sent += parameters.write(context, 0, bytemuck::bytes_of(&params))?;
             self.table = Some(wanted);
         }
         sent += self.update_cells(context, cells, &scene.table, buffer)?;

@@ -70,6 +70,9 @@ pub const JOINT_FRAGMENT_BYTES: u64 = 32;
 /// Words of a piece of a large face: the face's place in the list, a tile.
 pub const PIECE_WORDS: u64 = 2;
 
+/// Initial capacity for pieces of large faces, per tile: a few faces in all tiles.
+pub const FIRST_PIECES_PER_TILE: u64 = 8;
+
 /// Offsets into the lists of the face renderer, in words (`shaders/lib/face_lists.wgsl`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lists {

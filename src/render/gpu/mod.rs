@@ -82,6 +82,8 @@ pub mod raycast;
 #[cfg(feature = "gpu")]
 mod readback;
 #[cfg(feature = "gpu")]
+mod shared_scene;
+#[cfg(feature = "gpu")]
 mod slices;
 #[cfg(feature = "gpu")]
 mod surfaces;

@@ -6,6 +6,7 @@ use super::buffers::GrowingBuffer;
 use super::context::Context;
 use super::resources::{Binding, Kind, Resource, Texel};
 use super::shaders::{RecordSplit, Stage};
+use super::slices::GROUPS_MAX;
 use crate::render::RenderError;
 
 /// The split for shaders without cell records.
@@ -155,6 +156,23 @@ impl Pipelines {
             return Err(context.beyond(format!("{} has not been prepared", stage.name())));
         };
         pipeline.set(group, pass);
+        Ok(())
+    }
+
+    /// Dispatches at least `workgroups` workgroups of a stage, in rows of at most [`GROUPS_MAX`].
+    ///
+    /// # Errors
+    /// As [`Self::set`].
+    pub(super) fn dispatch(
+        &self,
+        context: &Context,
+        stage: Stage,
+        workgroups: u32,
+        pass: &mut wgpu::ComputePass<'_>,
+    ) -> Result<(), RenderError> {
+        self.set(context, stage, pass)?;
+        let rows = workgroups.div_ceil(GROUPS_MAX).max(1);
+        pass.dispatch_workgroups(workgroups.div_ceil(rows), rows, 1);
         Ok(())
     }
 }

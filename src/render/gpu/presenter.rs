@@ -9,16 +9,13 @@ use crate::render::{Frame, RenderError, RenderJob};
 use std::sync::Arc;
 
 /// Copies finished frames to the texture that their window samples.
+#[derive(Default)]
 pub(super) struct Presenter {
     /// Made for the first frame of a window.
     present: Option<Pipeline>,
 }
 
 impl Presenter {
-    pub(super) fn new() -> Self {
-        Self { present: None }
-    }
-
     /// Clears the frame for a job, and gives it a texture if the job is for this GPU's window: its present one if that fits.
     pub(super) fn prepare(
         &mut self,
@@ -52,7 +49,7 @@ impl Presenter {
         Ok(())
     }
 
-    /// Submits the copy of a finished frame to its texture, if any; sampling on the same queue comes after it.
+    /// Submits the copy of a finished frame to its texture, if any, which has the same size; sampling on the same queue comes after it.
     pub(super) fn present(
         &self,
         context: &Context,
@@ -61,31 +58,22 @@ impl Presenter {
     ) -> Result<(), RenderError> {
         let Some(texture) = &mut frame.texture else { return Ok(()) };
         let missing = || context.beyond("present has not been prepared".to_owned());
-        submit(context, self.present.as_ref().ok_or_else(missing)?, color, texture)
-    }
-}
-
-/// Submits the copy of `color` to `frame`, which has the same size.
-fn submit(
-    context: &Context,
-    present: &Pipeline,
-    color: &wgpu::Texture,
-    frame: &mut FrameTexture,
-) -> Result<(), RenderError> {
-    let group = match frame.source.take() {
-        Some((source, group)) if source == *color => group,
-        _ => {
-            let [from, to] = [color, frame.texture()].map(|texture| texture.create_view(&Default::default()));
-            present.group(context, &[], &[(Resource::Color, &from), (Resource::Screen, &to)])?
+        let present = self.present.as_ref().ok_or_else(missing)?;
+        let group = match texture.source.take() {
+            Some((source, group)) if source == *color => group,
+            _ => {
+                let [from, to] = [color, texture.texture()].map(|texture| texture.create_view(&Default::default()));
+                present.group(context, &[], &[(Resource::Color, &from), (Resource::Screen, &to)])?
+            }
+        };
+        let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            present.set(&group, &mut pass);
+            pass.dispatch_workgroups(color.width().div_ceil(8), color.height().div_ceil(8), 1);
         }
-    };
-    let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    {
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        present.set(&group, &mut pass);
-        pass.dispatch_workgroups(color.width().div_ceil(8), color.height().div_ceil(8), 1);
+        context.queue.submit([encoder.finish()]);
+        texture.source = Some((color.clone(), group));
+        Ok(())
     }
-    context.queue.submit([encoder.finish()]);
-    frame.source = Some((color.clone(), group));
-    Ok(())
 }

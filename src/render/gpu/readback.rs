@@ -35,8 +35,8 @@ impl Places {
     /// The places for all tiles of an image; without pixels if these stay on the GPU.
     fn of(size_px: (usize, usize), has_pixels: bool) -> Self {
         let (width, height) = if has_pixels { size_px } else { (0, 0) };
-        let depth = color_row_bytes(width) * height as u64;
-        let counters = depth + depth_row_bytes(width) * height as u64;
+        let depth = row_bytes::<[f32; 4]>(width) * height as u64;
+        let counters = depth + row_bytes::<f32>(width) * height as u64;
         let words = counters + Target::counter_bytes(size_px);
         // Timestamps are 8 bytes, at a multiple of that.
         let timestamps = (words + 4 * WORDS_MAX as u64).next_multiple_of(8);
@@ -49,19 +49,13 @@ pub(super) fn slice_bytes(size_px: (usize, usize), has_pixels: bool) -> u64 {
     Places::of(size_px, has_pixels).end
 }
 
-fn row_bytes(width: usize, pixel_bytes: u64) -> u64 {
-    (width as u64 * pixel_bytes).next_multiple_of(u64::from(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT))
-}
-
-fn color_row_bytes(width: usize) -> u64 {
-    row_bytes(width, 16)
-}
-
-fn depth_row_bytes(width: usize) -> u64 {
-    row_bytes(width, 4)
+/// Bytes from one row of pixels to the next.
+fn row_bytes<P>(width: usize) -> u64 {
+    ((width * size_of::<P>()) as u64).next_multiple_of(u64::from(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT))
 }
 
 /// Buffers for slices on their way back: each free or under way, and allocated when none is free.
+#[derive(Default)]
 pub(super) struct Readback {
     free: Vec<Slot>,
 }
@@ -82,10 +76,6 @@ pub(super) struct Sent {
 }
 
 impl Readback {
-    pub(super) fn new() -> Self {
-        Self { free: Vec::new() }
-    }
-
     /// Submits a slice that ends with copies of counters and times of `tiles`, of their pixels if `has_pixels`, and of `words`:
     /// a buffer, the first byte, and the number of words (at most [`WORDS_MAX`]).
     pub(super) fn send(
@@ -142,6 +132,15 @@ impl Readback {
         self.free.push(slot);
         Ok(result)
     }
+
+    /// Waits for slices under way and drops them.
+    pub(super) fn abandon(
+        &mut self,
+        context: &Context,
+        under_way: impl Iterator<Item = Sent>,
+    ) -> Result<(), RenderError> {
+        under_way.fold(context.check(), |came_back, sent| came_back.and_then(|()| self.collect(context, sent, |_| ())))
+    }
 }
 
 /// Appends copies of the rows that the tiles touch.
@@ -155,8 +154,8 @@ fn copy_planes(
     let (width, height) = target.size_px;
     let rows = target.rows_of(tiles);
     let planes = [
-        (&target.planes.color, 0, color_row_bytes(width)),
-        (&target.planes.depth, places.depth, depth_row_bytes(width)),
+        (&target.planes.color, 0, row_bytes::<[f32; 4]>(width)),
+        (&target.planes.depth, places.depth, row_bytes::<f32>(width)),
     ];
     for (texture, at, bytes_per_row) in planes {
         let origin = wgpu::Origin3d { x: 0, y: rows.start as u32, z: 0 };
@@ -249,7 +248,7 @@ fn has_been_mapped(mapped: &Mapped) -> bool {
     waiting.unwrap_or_else(PoisonError::into_inner).0.take() == Some(true)
 }
 
-/// Sums of counters as statistics, in the order of shaders/lib/walk.wgsl.
+/// Sums of counters as statistics, in the order of shaders/lib/counters.wgsl.
 pub(super) fn counted(sum: [u64; COUNTERS]) -> FrameStats {
     let [steps, segments, entries, rays_hit, rays_stopped_early, out_of_order, broken_paths, _] = sum;
     FrameStats {
@@ -284,7 +283,7 @@ impl SliceData<'_> {
     }
 
     /// Sums of the tiles' counters.
-    fn counts(&self) -> FrameStats {
+    pub(super) fn counts(&self) -> FrameStats {
         counted(std::array::from_fn(|i| self.counter(i)))
     }
 
@@ -304,13 +303,7 @@ impl SliceData<'_> {
         Some([0, 2, 4, 6].map(|i| stamp(i + 1).saturating_sub(stamp(i)) as f64 * period_ns * 1e-6))
     }
 
-    /// Adds counts and times to a frame's. Returns the milliseconds of the slice's entries and of its walk, if there are timestamps.
-    pub(super) fn add_to(&self, stats: &mut FrameStats, context: &Context) -> Option<[f64; 2]> {
-        stats.add_counts(&self.counts());
-        self.add_times_to(stats, context)
-    }
-
-    /// As [`Self::add_to`], without counts.
+    /// Adds times to a frame's. Returns the milliseconds of the slice's entries and of its walk, if there are timestamps.
     pub(super) fn add_times_to(&self, stats: &mut FrameStats, context: &Context) -> Option<[f64; 2]> {
         let [transform, entries, walk, decode] = self.milliseconds(context)?;
         if stats.vertices_decoded_on_gpu > 0 {
@@ -325,8 +318,8 @@ impl SliceData<'_> {
     /// is the world length of a local unit.
     pub(super) fn copy_pixels(&self, planes: &mut Planes, params: &Params, scale: f64) {
         let origin = depth_of(params.depth_origin) + f64::from(params.pivot);
-        self.copy_plane(&mut planes.color, 0, color_row_bytes, |_| ());
-        self.copy_plane(&mut planes.depth, self.places.depth, depth_row_bytes, |depths| {
+        self.copy_plane(&mut planes.color, 0, |_| ());
+        self.copy_plane(&mut planes.depth, self.places.depth, |depths| {
             for depth in depths {
                 *depth = if *depth >= FAR { f32::INFINITY } else { ((f64::from(*depth) + origin) * scale) as f32 };
             }
@@ -334,17 +327,11 @@ impl SliceData<'_> {
     }
 
     /// Copies a plane that begins at byte `at`, and calls `finished` on each copied piece of a row.
-    fn copy_plane<P: bytemuck::Pod>(
-        &self,
-        plane: &mut Plane<P>,
-        at: u64,
-        row_bytes: impl Fn(usize) -> u64,
-        finished: impl Fn(&mut [P]),
-    ) {
+    fn copy_plane<P: bytemuck::Pod>(&self, plane: &mut Plane<P>, at: u64, finished: impl Fn(&mut [P])) {
         let (width, _) = self.target.size_px;
         for row in self.target.rows_of(&self.tiles) {
             let columns = self.target.columns_of(&self.tiles, row / TILE_PX);
-            let from = (at + row_bytes(width) * row as u64) as usize + size_of::<P>() * columns.start;
+            let from = (at + row_bytes::<P>(width) * row as u64) as usize + size_of::<P>() * columns.start;
             let pixels = &mut plane.pixels[row * width..][columns];
             let bytes = bytemuck::cast_slice_mut::<_, u8>(pixels);
             bytes.copy_from_slice(&self.bytes[from..from + bytes.len()]);

@@ -5,7 +5,6 @@ use super::resources::{Binding, Resource, declarations};
 use super::shader_parts as lib;
 use crate::optics::OpticsKind;
 use crate::render::RenderJob;
-use std::fmt;
 
 /// Number type of the rays' planar geometry and of depths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -249,7 +248,7 @@ pub struct RecordSplit {
 pub const RECORD_PARTS_MAX: u32 = 3;
 
 /// Bytes of a cell's record: four vertices, four neighbours.
-pub const RECORD_BYTES: u64 = 32;
+const RECORD_BYTES: u64 = 32;
 
 impl RecordSplit {
     /// How `cells` records are split if a binding holds at most `binding_bytes`; `None` if they do not fit.
@@ -269,33 +268,38 @@ impl RecordSplit {
 impl Stage {
     /// Name of its entry point and of its file.
     pub fn name(self) -> &'static str {
+        self.file().0
+    }
+
+    /// Its name, and the text of its file.
+    fn file(self) -> (&'static str, &'static str) {
         match self {
-            Self::DecodeVq => "decode_vq",
-            Self::ViewTransform => "view_transform",
-            Self::EntriesCount => "entries_count",
-            Self::EntriesScan => "entries_scan",
-            Self::EntriesStore => "entries_store",
-            Self::Walk(..) => "walk",
-            Self::WalkRays(..) => "walk_rays",
-            Self::SplitPlan => "split_plan",
-            Self::SplitDecide => "split_decide",
-            Self::SplitAppend => "split_append",
-            Self::SplitSlice => "split_slice",
-            Self::Fill => "fill",
-            Self::Present => "present",
-            Self::Faces(..) => "faces",
-            Self::FacePieces(..) => "face_pieces",
-            Self::FaceStarts(..) => "face_starts",
-            Self::FaceScan => "face_scan",
-            Self::FaceSort(_) => "face_sort",
-            Self::FaceResolve(..) => "face_resolve",
-            Self::LayersPlan => "layers_plan",
-            Self::LayersRange => "layers_range",
-            Self::LayersReference => "layers_reference",
-            Self::UpsampleNearest => "upsample_nearest",
-            Self::UpsampleBilinear(_) => "upsample_bilinear",
-            Self::UpsampleJoint => "upsample_joint",
-            Self::UpsampleJoint2x2 => "upsample_joint2x2",
+            Self::DecodeVq => ("decode_vq", include_str!("../../../shaders/decode_vq.wgsl")),
+            Self::ViewTransform => ("view_transform", include_str!("../../../shaders/view_transform.wgsl")),
+            Self::EntriesCount => ("entries_count", include_str!("../../../shaders/entries_count.wgsl")),
+            Self::EntriesScan => ("entries_scan", include_str!("../../../shaders/entries_scan.wgsl")),
+            Self::EntriesStore => ("entries_store", include_str!("../../../shaders/entries_store.wgsl")),
+            Self::Walk(..) => ("walk", include_str!("../../../shaders/walk.wgsl")),
+            Self::WalkRays(..) => ("walk_rays", include_str!("../../../shaders/walk_rays.wgsl")),
+            Self::SplitPlan => ("split_plan", include_str!("../../../shaders/split_plan.wgsl")),
+            Self::SplitDecide => ("split_decide", include_str!("../../../shaders/split_decide.wgsl")),
+            Self::SplitAppend => ("split_append", include_str!("../../../shaders/split_append.wgsl")),
+            Self::SplitSlice => ("split_slice", include_str!("../../../shaders/split_slice.wgsl")),
+            Self::Fill => ("fill", include_str!("../../../shaders/fill.wgsl")),
+            Self::Present => ("present", include_str!("../../../shaders/present.wgsl")),
+            Self::Faces(..) => ("faces", include_str!("../../../shaders/faces.wgsl")),
+            Self::FacePieces(..) => ("face_pieces", include_str!("../../../shaders/face_pieces.wgsl")),
+            Self::FaceStarts(..) => ("face_starts", include_str!("../../../shaders/face_starts.wgsl")),
+            Self::FaceScan => ("face_scan", include_str!("../../../shaders/face_scan.wgsl")),
+            Self::FaceSort(_) => ("face_sort", include_str!("../../../shaders/face_sort.wgsl")),
+            Self::FaceResolve(..) => ("face_resolve", include_str!("../../../shaders/face_resolve.wgsl")),
+            Self::LayersPlan => ("layers_plan", include_str!("../../../shaders/layers_plan.wgsl")),
+            Self::LayersRange => ("layers_range", include_str!("../../../shaders/layers_range.wgsl")),
+            Self::LayersReference => ("layers_reference", include_str!("../../../shaders/layers_reference.wgsl")),
+            Self::UpsampleNearest => ("upsample_nearest", include_str!("../../../shaders/upsample_nearest.wgsl")),
+            Self::UpsampleBilinear(_) => ("upsample_bilinear", include_str!("../../../shaders/upsample_bilinear.wgsl")),
+            Self::UpsampleJoint => ("upsample_joint", include_str!("../../../shaders/upsample_joint.wgsl")),
+            Self::UpsampleJoint2x2 => ("upsample_joint2x2", include_str!("../../../shaders/upsample_joint2x2.wgsl")),
         }
     }
 
@@ -388,185 +392,129 @@ impl Stage {
 
     /// The complete WGSL source.
     pub fn source(self, split: RecordSplit) -> String {
-        [declarations(&self.bindings()), self.parts(split)].concat()
+        let (_, file) = self.file();
+        [&declarations(&self.bindings()), &self.constants(split), &self.parts().concat(), file].concat()
     }
 
-    fn parts(self, split: RecordSplit) -> String {
-        let constants = Constants(split).to_string();
-        let constants = constants.as_str();
+    /// The constants that depend on how cells and fragments are stored.
+    fn constants(self, split: RecordSplit) -> String {
+        let kind = match self {
+            Self::Faces(Pass::Store(kind, _), _)
+            | Self::FacePieces(Pass::Store(kind, _), _)
+            | Self::FaceStarts(Pass::Store(kind, _), _)
+            | Self::FaceSort(kind) => kind,
+            Self::FaceResolve(how, ..) => how.fragments(),
+            _ => FragmentKind::Plain,
+        };
+        let RecordSplit { parts, shift } = split;
+        let records = format!("const RECORD_PARTS: u32 = {parts}u;\nconst RECORD_SHIFT: u32 = {shift}u;\n");
+        format!("{records}const FRAGMENT_PAIRS: u32 = {}u;\n", kind.bytes() / 8)
+    }
+
+    /// The parts of `shaders/lib/` that its file needs.
+    fn parts(self) -> Vec<&'static str> {
         match self {
-            Self::DecodeVq => include_str!("../../../shaders/decode_vq.wgsl").to_owned(),
-            Self::ViewTransform => {
-                [lib::FRAME, lib::SUMS, include_str!("../../../shaders/view_transform.wgsl")].concat()
-            }
-            Self::EntriesCount => entering(constants, include_str!("../../../shaders/entries_count.wgsl")),
-            Self::EntriesScan => [lib::FRAME, include_str!("../../../shaders/entries_scan.wgsl")].concat(),
-            Self::EntriesStore => entering(constants, include_str!("../../../shaders/entries_store.wgsl")),
-            Self::Walk(how, inside, precision) => {
-                let tiles = include_str!("../../../shaders/walk.wgsl");
-                [&walking(constants, how, inside, precision), tiles].concat()
-            }
+            Self::DecodeVq | Self::Present => vec![],
+            Self::ViewTransform => vec![lib::FRAME, lib::SUMS],
+            Self::EntriesCount | Self::EntriesStore => vec![lib::FRAME, lib::CELLS, lib::BOXES, lib::ITEMS],
+            Self::EntriesScan => vec![lib::FRAME, lib::SATURATING],
+            Self::Walk(how, inside, precision) => walking(how, inside, precision),
             Self::WalkRays(how, inside, precision) => {
-                let listed = [lib::RAY_LIST, lib::RAY_BITS, include_str!("../../../shaders/walk_rays.wgsl")].concat();
-                [&walking(constants, how, inside, precision), listed.as_str()].concat()
+                [walking(how, inside, precision), vec![lib::RAY_LIST, lib::RAY_BITS]].concat()
             }
-            Self::SplitPlan => splitting("", include_str!("../../../shaders/split_plan.wgsl")),
+            Self::SplitPlan => vec![lib::FRAME, lib::RAY_LIST, lib::STRIDES],
             Self::SplitDecide => {
-                let boxes = [lib::SUMS, lib::CELLS, lib::ACTIVE, lib::PAIRS, lib::CLOSE_BOXES].concat();
-                let decide = include_str!("../../../shaders/split_decide.wgsl");
-                splitting(&[constants, &blocks(), &boxes].concat(), decide)
+                let boxes = [lib::SUMS, lib::CELLS, lib::ACTIVE, lib::PAIRS, lib::CLOSE_BOXES];
+                [&BLOCKS[..], &boxes].concat()
             }
-            Self::SplitAppend => splitting(&blocks(), include_str!("../../../shaders/split_append.wgsl")),
-            Self::SplitSlice => [lib::RAY_LIST, include_str!("../../../shaders/split_slice.wgsl")].concat(),
-            Self::Fill => splitting(&blocks(), include_str!("../../../shaders/fill.wgsl")),
-            Self::Present => include_str!("../../../shaders/present.wgsl").to_owned(),
-            Self::Faces(pass, precision) => finding(pass, precision, include_str!("../../../shaders/faces.wgsl")),
-            Self::FacePieces(pass, precision) => {
-                finding(pass, precision, include_str!("../../../shaders/face_pieces.wgsl"))
+            Self::SplitAppend | Self::Fill => BLOCKS.to_vec(),
+            Self::SplitSlice => vec![lib::RAY_LIST],
+            Self::Faces(pass, precision) | Self::FacePieces(pass, precision) | Self::FaceStarts(pass, precision) => {
+                finding(pass, precision)
             }
-            Self::FaceStarts(pass, precision) => {
-                finding(pass, precision, include_str!("../../../shaders/face_starts.wgsl"))
-            }
-            Self::FaceScan => {
-                [lib::FRAME, &faces(FragmentKind::Plain), include_str!("../../../shaders/face_scan.wgsl")].concat()
-            }
-            Self::LayersPlan => layering(include_str!("../../../shaders/layers_plan.wgsl")),
-            Self::LayersRange => layering(include_str!("../../../shaders/layers_range.wgsl")),
-            Self::LayersReference => layering(include_str!("../../../shaders/layers_reference.wgsl")),
-            Self::UpsampleNearest => upsampling(lib::SAMPLES, include_str!("../../../shaders/upsample_nearest.wgsl")),
-            Self::UpsampleBilinear(_) => {
-                upsampling(lib::SAMPLES, include_str!("../../../shaders/upsample_bilinear.wgsl"))
-            }
-            Self::UpsampleJoint => upsampling("", include_str!("../../../shaders/upsample_joint.wgsl")),
-            Self::UpsampleJoint2x2 => upsampling(lib::SAMPLES, include_str!("../../../shaders/upsample_joint2x2.wgsl")),
-            Self::FaceSort(kind) => {
-                [lib::FRAME, &faces(kind), lib::FRAGMENTS, include_str!("../../../shaders/face_sort.wgsl")].concat()
-            }
+            Self::FaceScan => [&[lib::FRAME][..], &FACES, &[lib::SATURATING]].concat(),
+            Self::FaceSort(_) => [&[lib::FRAME][..], &FACES, &[lib::FRAGMENTS, lib::FRAGMENT_PLACES]].concat(),
             Self::FaceResolve(how, inside, precision) => {
                 let surfaces = match inside {
-                    Inside::Volume => "",
-                    Inside::Surfaces => &[lib::CORNERS, lib::BEHIND_VERTICES].concat(),
+                    Inside::Volume => &[][..],
+                    Inside::Surfaces => &[lib::CORNERS, lib::BEHIND_VERTICES],
                 };
-                let resolve =
-                    [lib::ACTIVE, lib::FRAGMENTS, include_str!("../../../shaders/face_resolve.wgsl")].concat();
-                [&gathering(how, inside, precision), &faces(how.fragments()), surfaces, &resolve].concat()
+                let stored = [lib::ACTIVE, lib::FRAGMENTS, lib::FRAGMENT_PLACES];
+                [&gathering(how, inside, precision)[..], &FACES, &stored, surfaces].concat()
+            }
+            Self::LayersPlan | Self::LayersRange | Self::LayersReference => [&[lib::FRAME][..], &LAYERS].concat(),
+            Self::UpsampleJoint => vec![lib::FRAME, lib::TILES, lib::UPSAMPLE],
+            Self::UpsampleNearest | Self::UpsampleBilinear(_) | Self::UpsampleJoint2x2 => {
+                vec![lib::FRAME, lib::TILES, lib::UPSAMPLE, lib::SAMPLES]
             }
         }
     }
 }
 
+/// Parts of the stages of adaptive sampling that look at blocks.
+const BLOCKS: [&str; 5] = [lib::FRAME, lib::RAY_LIST, lib::STRIDES, lib::RAY_BITS, lib::BLOCKS];
+
+/// Parts of the face renderer's stages.
+const FACES: [&str; 3] = [lib::TILES, lib::FACES, lib::FACE_LISTS];
+
+/// Parts of the stages of depth layers.
+const LAYERS: [&str; 3] = [lib::TILES, lib::FACES, lib::LAYER_LISTS];
+
 /// Parts of the stages that integrate along rays.
-fn gathering(how: Gathering, inside: Inside, precision: Precision) -> String {
+fn gathering(how: Gathering, inside: Inside, precision: Precision) -> Vec<&'static str> {
     let optics = match how {
-        Gathering::Scalar(OpticsKind::Exact) => [lib::WEIGHTS, lib::EXACT, lib::NO_JOINT].concat(),
-        Gathering::Scalar(OpticsKind::Partial) => [lib::WEIGHTS, lib::PARTIAL, lib::NO_JOINT].concat(),
-        Gathering::Scalar(OpticsKind::Table3d) => [lib::TABLE3D, lib::NO_JOINT].concat(),
-        Gathering::Joint => [lib::WEIGHTS, lib::JOINT].concat(),
+        Gathering::Scalar(OpticsKind::Exact) => &[lib::WEIGHTS, lib::INTERVALS, lib::EXACT, lib::NO_JOINT][..],
+        Gathering::Scalar(OpticsKind::Partial) => &[lib::WEIGHTS, lib::INTERVALS, lib::PARTIAL, lib::NO_JOINT],
+        Gathering::Scalar(OpticsKind::Table3d) => &[lib::TABLE3D, lib::NO_JOINT],
+        Gathering::Joint => &[lib::WEIGHTS, lib::JOINT],
     };
     let surfaces = match (inside, how) {
-        (Inside::Volume, _) => lib::NO_SURFACES.to_owned(),
-        (Inside::Surfaces, Gathering::Scalar(_)) => [lib::SURFACES, lib::NO_JOINT_PARTS].concat(),
-        (Inside::Surfaces, Gathering::Joint) => [lib::SURFACES, lib::JOINT_PARTS].concat(),
+        (Inside::Volume, _) => &[lib::NO_SURFACES][..],
+        (Inside::Surfaces, Gathering::Scalar(_)) => &[lib::SURFACES, lib::NO_JOINT_PARTS],
+        (Inside::Surfaces, Gathering::Joint) => &[lib::SURFACES, lib::JOINT_PARTS],
     };
-    [lib::FRAME, lib::SUMS, &rays(inside, precision), lib::MATH, &optics, &surfaces, lib::LIGHT].concat()
+    let all = [lib::FRAME, lib::SUMS, lib::MATH, lib::LIGHT, lib::COUNTERS];
+    [&all, &rays(inside, precision)[..], optics, surfaces].concat()
 }
 
 /// Parts of the stages that walk along rays.
-fn walking(constants: &str, how: Gathering, inside: Inside, precision: Precision) -> String {
-    let kind = how.fragments();
-    let values = [vertex_values(kind), behind_vertices(kind, inside)].concat();
-    [constants, &gathering(how, inside, precision), &values, lib::CELLS, lib::ACTIVE, lib::CROSSING, lib::WALK].concat()
-}
-
-/// Composes a stage of adaptive sampling.
-fn splitting(parts: &str, stage: &str) -> String {
-    [lib::FRAME, lib::RAY_LIST, lib::STRIDES, parts, stage].concat()
-}
-
-/// Parts of the stages that look at blocks.
-fn blocks() -> String {
-    [lib::RAY_BITS, lib::BLOCKS].concat()
+fn walking(how: Gathering, inside: Inside, precision: Precision) -> Vec<&'static str> {
+    let values = match (how.fragments(), inside) {
+        (FragmentKind::Plain, Inside::Volume) => &[lib::NO_VERTEX_VALUES][..],
+        (FragmentKind::Plain, Inside::Surfaces) => &[lib::NO_VERTEX_VALUES, lib::BEHIND_VERTICES],
+        (FragmentKind::Joint, _) => &[lib::VERTEX_VALUES, lib::BEHIND_VERTICES],
+    };
+    let walk = [lib::CELLS, lib::ACTIVE, lib::CROSSING, lib::WALK];
+    [&gathering(how, inside, precision), values, &walk].concat()
 }
 
 /// Parts for planar geometry.
-fn rays(inside: Inside, precision: Precision) -> String {
+fn rays(inside: Inside, precision: Precision) -> [&'static str; 3] {
+    let numbers = match precision {
+        Precision::Single => lib::RAY_SINGLE,
+        Precision::Double => lib::RAY_DOUBLE,
+    };
     let scalar = match inside {
         Inside::Volume => lib::SCALAR_AS_IS,
         Inside::Surfaces => lib::SCALAR_WITHIN_FACE,
     };
-    [numbers(precision), lib::RAY, scalar].concat()
+    [numbers, lib::RAY, scalar]
 }
 
-/// The part that defines the numbers of planar geometry.
-fn numbers(precision: Precision) -> &'static str {
-    match precision {
-        Precision::Single => lib::RAY_SINGLE,
-        Precision::Double => lib::RAY_DOUBLE,
-    }
-}
-
-/// The part that interpolates the value at vertices.
-fn vertex_values(kind: FragmentKind) -> &'static str {
-    match kind {
-        FragmentKind::Plain => lib::NO_VERTEX_VALUES,
-        FragmentKind::Joint => lib::VERTEX_VALUES,
-    }
-}
-
-/// The part that reads numbers behind the view vertices, if there are any.
-fn behind_vertices(kind: FragmentKind, inside: Inside) -> &'static str {
-    match (kind, inside) {
-        (FragmentKind::Plain, Inside::Volume) => "",
-        (FragmentKind::Joint, _) | (_, Inside::Surfaces) => lib::BEHIND_VERTICES,
-    }
-}
-
-/// Parts of the face renderer's stages.
-fn faces(kind: FragmentKind) -> String {
-    let pairs = format!("const FRAGMENT_PAIRS: u32 = {}u;\n", kind.bytes() / 8);
-    [&pairs, lib::TILES, lib::FACES, lib::FACE_LISTS].concat()
-}
-
-/// Parts of the stages of depth layers.
-fn layers() -> String {
-    [lib::TILES, lib::FACES, lib::LAYER_LISTS].concat()
-}
-
-/// Composes a stage that reads drawn depth layers.
-fn layering(stage: &str) -> String {
-    [lib::FRAME, &layers(), stage].concat()
-}
-
-/// Composes an upsampling stage.
-fn upsampling(samples: &str, stage: &str) -> String {
-    [lib::FRAME, lib::TILES, lib::UPSAMPLE, samples, stage].concat()
-}
-
-/// Composes a stage that finds fragments.
-fn finding(pass: Pass, precision: Precision, stage: &str) -> String {
-    let (kept, kind, inside) = match pass {
-        Pass::Count => ([lib::MESH_FACES, lib::FRAGMENTS_COUNT, lib::PIECES], FragmentKind::Plain, Inside::Volume),
-        Pass::Store(kind, inside) => ([lib::MESH_FACES, lib::FRAGMENTS_STORE, ""], kind, inside),
-        Pass::Layers => ([lib::BOUNDARY_FACES, lib::LAYERS_KEEP, lib::PIECES], FragmentKind::Plain, Inside::Volume),
+/// Parts of the stages that find fragments.
+fn finding(pass: Pass, precision: Precision) -> Vec<&'static str> {
+    let (lists, kept) = match pass {
+        Pass::Count => (FACES, &[lib::MESH_FACES, lib::FRAGMENTS_COUNT, lib::PIECES][..]),
+        Pass::Store(..) => (FACES, &[lib::MESH_FACES, lib::FRAGMENTS, lib::FRAGMENTS_STORE][..]),
+        Pass::Layers => (LAYERS, &[lib::BOUNDARY_FACES, lib::LAYERS_KEEP, lib::PIECES][..]),
     };
-    let lists = if pass == Pass::Layers { layers() } else { faces(kind) };
-    let values = [vertex_values(kind), behind_vertices(kind, Inside::Volume)].concat();
-    let ray = rays(inside, precision);
-    [lib::FRAME, &lists, lib::SUMS, lib::BOXES, &ray, lib::FACE_HITS, &values, &kept.concat(), stage].concat()
-}
-
-/// Composes a stage that finds entries.
-fn entering(constants: &str, stage: &str) -> String {
-    [constants, lib::FRAME, lib::CELLS, lib::BOXES, lib::ITEMS, stage].concat()
-}
-
-/// WGSL constants of a record split.
-struct Constants(RecordSplit);
-
-impl fmt::Display for Constants {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "const RECORD_PARTS: u32 = {}u;\nconst RECORD_SHIFT: u32 = {}u;", self.0.parts, self.0.shift)
-    }
+    let (values, inside) = match pass {
+        Pass::Store(FragmentKind::Joint, inside) => (&[lib::VERTEX_VALUES, lib::BEHIND_VERTICES][..], inside),
+        Pass::Store(FragmentKind::Plain, inside) => (&[lib::NO_VERTEX_VALUES][..], inside),
+        Pass::Count | Pass::Layers => (&[lib::NO_VERTEX_VALUES][..], Inside::Volume),
+    };
+    let boxes = [lib::SUMS, lib::BOXES];
+    [&[lib::FRAME], &lists[..], &boxes, &rays(inside, precision), &[lib::FACE_HITS], values, kept].concat()
 }
 
 #[cfg(test)]

@@ -13,9 +13,12 @@ pub(super) const SLICE: Duration = Duration::from_millis(15);
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct UnitCost {
     /// Mean over the last slice.
-    pub(super) last: Option<f64>,
+    last: Option<f64>,
     /// Mean over the last frame.
-    pub(super) mean: Option<f64>,
+    mean: Option<f64>,
+    /// Sums of milliseconds and units over the frame under way.
+    ms: f64,
+    units: usize,
 }
 
 impl UnitCost {
@@ -35,22 +38,6 @@ impl UnitCost {
         let most = if self.mean.is_some() { most } else { most.min(2 * first) };
         (units as usize).clamp(1, most.max(1))
     }
-}
-
-/// Cost of a step of a frame, measured slice by slice.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct StepCost {
-    unit: UnitCost,
-    /// Sums of milliseconds and units over the frame under way.
-    ms: f64,
-    units: usize,
-}
-
-impl StepCost {
-    /// Cost per unit.
-    pub(super) fn unit(self) -> UnitCost {
-        self.unit
-    }
 
     /// Resets the frame's sums.
     pub(super) fn begin_frame(&mut self) {
@@ -59,7 +46,7 @@ impl StepCost {
 
     /// Adds a slice that has come back.
     pub(super) fn add(&mut self, ms: f64, units: usize) {
-        self.unit.last = Some(ms / units.max(1) as f64);
+        self.last = Some(ms / units.max(1) as f64);
         self.ms += ms;
         self.units += units;
     }
@@ -67,15 +54,9 @@ impl StepCost {
     /// Ends a frame: its mean becomes the estimate for the next one.
     pub(super) fn end_frame(&mut self) {
         if self.units > 0 {
-            self.unit.mean = Some(self.ms / self.units as f64);
+            self.mean = Some(self.ms / self.units as f64);
         }
     }
-}
-
-/// Dispatches at least `workgroups` workgroups, in rows of at most [`GROUPS_MAX`].
-pub(super) fn dispatch(pass: &mut wgpu::ComputePass<'_>, workgroups: u32) {
-    let rows = workgroups.div_ceil(GROUPS_MAX).max(1);
-    pass.dispatch_workgroups(workgroups.div_ceil(rows), rows, 1);
 }
 
 #[cfg(test)]
@@ -85,19 +66,20 @@ mod tests {
     #[test]
     fn empty_tiles_do_not_make_the_next_slice_long() {
         let units_in = |cost: UnitCost, ms: f64| cost.units_in(ms, 32, GROUPS_MAX as usize);
-        assert_eq!(units_in(UnitCost::default(), 7.5), 32);
+        let new = UnitCost::default();
+        assert_eq!(units_in(new, 7.5), 32);
         let empty = Some(1e-4);
-        assert_eq!(units_in(UnitCost { last: empty, mean: None }, 7.5), 64);
-        assert_eq!(units_in(UnitCost { last: empty, mean: Some(0.5) }, 7.5), 15);
-        assert_eq!(units_in(UnitCost { last: Some(3.0), mean: Some(0.5) }, 7.5), 2);
-        assert_eq!(units_in(UnitCost { last: Some(100.0), mean: None }, 7.5), 1);
-        assert_eq!(units_in(UnitCost { last: empty, mean: Some(0.0) }, 1e9), GROUPS_MAX as usize);
+        assert_eq!(units_in(UnitCost { last: empty, ..new }, 7.5), 64);
+        assert_eq!(units_in(UnitCost { last: empty, mean: Some(0.5), ..new }, 7.5), 15);
+        assert_eq!(units_in(UnitCost { last: Some(3.0), mean: Some(0.5), ..new }, 7.5), 2);
+        assert_eq!(units_in(UnitCost { last: Some(100.0), ..new }, 7.5), 1);
+        assert_eq!(units_in(UnitCost { last: empty, mean: Some(0.0), ..new }, 1e9), GROUPS_MAX as usize);
     }
 
     #[test]
     fn a_step_makes_no_leaps_before_a_whole_frame_is_done() {
-        let mut cost = StepCost::default();
-        let units = |cost: StepCost| cost.unit().units_for(SLICE, 32, GROUPS_MAX as usize);
+        let mut cost = UnitCost::default();
+        let units = |cost: UnitCost| cost.units_for(SLICE, 32, GROUPS_MAX as usize);
         for _ in 0..10 {
             assert!(units(cost) <= 64);
             cost.add(1e-3, 64);
@@ -110,6 +92,6 @@ mod tests {
         assert_eq!(units(cost), 5);
         cost.add(3.0, 5);
         cost.end_frame();
-        assert_eq!((cost.unit().last, cost.unit().mean), (Some(0.6), Some(1.2)));
+        assert_eq!((cost.last, cost.mean), (Some(0.6), Some(1.2)));
     }
 }

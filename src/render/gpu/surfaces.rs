@@ -47,18 +47,13 @@ fn threshold(isovalue: f64, map: ScalarMap) -> f32 {
 
 /// The buffer of a frame's sheets, and its contents.
 pub(super) struct SurfaceBuffer {
-    buffer: GrowingBuffer,
+    pub(super) buffer: GrowingBuffer,
     sent: Option<SurfaceParams>,
 }
 
 impl SurfaceBuffer {
     pub(super) fn new() -> Self {
         Self { buffer: GrowingBuffer::new(Resource::Surfaces), sent: None }
-    }
-
-    /// The buffer that stages bind.
-    pub(super) fn buffer(&self) -> &GrowingBuffer {
-        &self.buffer
     }
 
     /// Uploads the surfaces of a job, if any, unless they are there; `gradients` is the index of the first gradient component. Returns
@@ -112,17 +107,12 @@ fn params(scene: &SurfaceScene, job: &RenderJob, map: ScalarMap) -> SurfaceParam
 /// The buffer of the cells' vertices.
 pub(super) struct CornerBuffer {
     of: Option<Arc<Mesh>>,
-    buffer: GrowingBuffer,
+    pub(super) buffer: GrowingBuffer,
 }
 
 impl CornerBuffer {
     pub(super) fn new() -> Self {
         Self { of: None, buffer: GrowingBuffer::new(Resource::Corners) }
-    }
-
-    /// The buffer that stages bind.
-    pub(super) fn buffer(&self) -> &GrowingBuffer {
-        &self.buffer
     }
 
     /// Uploads the vertices of the cells, for a job with surfaces, unless they are there. Returns whether the buffer was made, and the

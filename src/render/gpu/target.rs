@@ -65,20 +65,28 @@ fn plane(context: &Context, of: Resource, size_px: (usize, usize)) -> Result<wgp
     if size_px.0.max(size_px.1) > most {
         return Err(context.beyond(format!("an image has at most {most} pixels in a row or column")));
     }
+    texture(context, of, size_px, wgpu::TextureUsages::COPY_SRC)
+}
+
+/// A texture that stages write as `of`, and that is sampled or read; for other uses, too, if there are `more`.
+pub(super) fn texture(
+    context: &Context,
+    of: Resource,
+    (width, height): (usize, usize),
+    more: wgpu::TextureUsages,
+) -> Result<wgpu::Texture, RenderError> {
     let format = match of.kind() {
         Kind::Plane(texel) => format(texel),
         _ => return Err(context.beyond(format!("{} is no plane", of.label()))),
     };
     let descriptor = wgpu::TextureDescriptor {
         label: Some(of.label()),
-        size: wgpu::Extent3d { width: size_px.0 as u32, height: size_px.1 as u32, depth_or_array_layers: 1 },
+        size: wgpu::Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: 1 },
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
         format,
-        usage: wgpu::TextureUsages::STORAGE_BINDING
-            | wgpu::TextureUsages::COPY_SRC
-            | wgpu::TextureUsages::TEXTURE_BINDING,
+        usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING | more,
         view_formats: &[],
     };
     let texture = context.create(|device| device.create_texture(&descriptor))?;
@@ -154,13 +162,19 @@ impl Target {
         self.columns() * self.size_px.1.div_ceil(TILE_PX)
     }
 
-    /// Writes a pass's begin and end to timestamps `first` and `first + 1`; `None` without timestamps.
-    pub(super) fn stamps(&self, first: u32) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
-        self.times.as_ref().map(|times| wgpu::ComputePassTimestampWrites {
+    /// Begins a pass, whose begin and end go to timestamps `first` and `first + 1` if there are timestamps.
+    pub(super) fn pass<'a>(
+        &self,
+        encoder: &'a mut wgpu::CommandEncoder,
+        label: &str,
+        first: Option<u32>,
+    ) -> wgpu::ComputePass<'a> {
+        let timestamp_writes = self.times.as_ref().zip(first).map(|(times, first)| wgpu::ComputePassTimestampWrites {
             query_set: &times.queries,
             beginning_of_pass_write_index: Some(first),
             end_of_pass_write_index: Some(first + 1),
-        })
+        });
+        encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes })
     }
 
     /// Rows of pixels that the tiles touch.

@@ -22,7 +22,7 @@ use super::buffers::GrowingBuffer;
 use super::context::Context;
 use super::layout::Params;
 use super::target::Target;
-use crate::render::{Contrast, Frame, LayerRenderer, RenderError, RenderJob};
+use crate::render::{Contrast, Frame, FrameRun, LayerRenderer, RenderError, RenderJob};
 use crate::stats::FrameStats;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -79,6 +79,13 @@ struct Sizing {
 /// The same job without enlargement, previews or window.
 fn as_it_is(job: RenderJob) -> RenderJob {
     RenderJob { enlarge: None, for_window: false, previews: Vec::new(), ..job }
+}
+
+impl<L: LeavesImage> FrameRun<AtFullSize<L>> {
+    /// The GPU that it renders on.
+    pub fn context(&self) -> &Arc<Context> {
+        self.layer.layer.context()
+    }
 }
 
 impl<L> AtFullSize<L> {

@@ -122,7 +122,7 @@ impl Scene {
             let [at_pixels, at_samples] = &mut self.layers;
             stale |= at_pixels.update(context, params, edges.layers, &self.boundary)?;
             if !is_joint {
-                at_samples.share(at_pixels);
+                at_samples.pipelines.share(&at_pixels.pipelines);
                 stale |= at_samples.update(context, *left.params, edges.layers, &self.boundary)?;
             }
         }
@@ -168,7 +168,7 @@ impl Scene {
     fn unbind(&mut self) {
         self.bound = None;
         self.pipelines.unbind();
-        self.layers.iter_mut().for_each(DepthLayers::unbind);
+        self.layers.iter_mut().for_each(|layers| layers.pipelines.unbind());
     }
 
     /// Makes the bind groups that are missing.
@@ -212,8 +212,6 @@ impl Scene {
         pass: &mut wgpu::ComputePass<'_>,
     ) -> Result<(), RenderError> {
         self.params.write(context, 0, bytemuck::bytes_of(params))?;
-        self.pipelines.set(context, stage, pass)?;
-        pass.dispatch_workgroups(tiles as u32, 1, 1);
-        Ok(())
+        self.pipelines.dispatch(context, stage, tiles as u32, pass)
     }
 }

@@ -8,7 +8,7 @@ use crate::render::gpu::context::Context;
 use crate::render::gpu::layout::{LayerLists, Params, TILE_PIXELS};
 use crate::render::gpu::presenter::Presenter;
 use crate::render::gpu::readback::{Readback, Sent};
-use crate::render::gpu::slices::{GROUPS_MAX, IN_FLIGHT, StepCost};
+use crate::render::gpu::slices::{GROUPS_MAX, IN_FLIGHT, UnitCost};
 use crate::render::gpu::target::Target;
 use crate::render::upsampling::{Enlargement, UpsampleFilter};
 use crate::render::{Frame, RenderError, RenderJob};
@@ -160,7 +160,7 @@ pub(super) struct Enlarger {
     presenter: Presenter,
     /// The texture of the last frame, until the next one has its own.
     texture: Option<FrameTexture>,
-    costs: [StepCost; KINDS],
+    costs: [UnitCost; KINDS],
     /// The filter that the cost of step `Filter` belongs to.
     costed: Option<UpsampleFilter>,
     /// The last image that did not fit.
@@ -171,11 +171,11 @@ impl Enlarger {
     pub(super) fn new() -> Self {
         Self {
             scene: Scene::new(),
-            readback: Readback::new(),
+            readback: Readback::default(),
             in_flight: VecDeque::with_capacity(IN_FLIGHT),
-            presenter: Presenter::new(),
+            presenter: Presenter::default(),
             texture: None,
-            costs: [StepCost::default(); KINDS],
+            costs: [UnitCost::default(); KINDS],
             costed: None,
             refused: None,
         }
@@ -207,7 +207,7 @@ impl Enlarger {
     /// Frees buffers and planes; the frame's texture stays.
     pub(super) fn release(&mut self) {
         self.scene.release();
-        self.readback = Readback::new();
+        self.readback = Readback::default();
     }
 
     /// Works on an image for about `budget`. Returns whether the frame is done.
@@ -264,10 +264,10 @@ impl Enlarger {
     /// Begins a frame's costs; another filter's cost is dropped.
     fn begin_costs(&mut self, filter: UpsampleFilter) {
         if !self.costed.is_some_and(|last| cost_alike(last, filter)) {
-            self.costs[Step::Filter.kind()] = StepCost::default();
+            self.costs[Step::Filter.kind()] = UnitCost::default();
         }
         self.costed = Some(filter);
-        self.costs.iter_mut().for_each(StepCost::begin_frame);
+        self.costs.iter_mut().for_each(UnitCost::begin_frame);
     }
 
     /// Submits the clearing of the layers of a view.
@@ -297,7 +297,7 @@ impl Enlarger {
             }
             let Some(flight) = self.in_flight.pop_front() else {
                 self.presenter.present(context, &work.target.planes.color, frame)?;
-                self.costs.iter_mut().for_each(StepCost::end_frame);
+                self.costs.iter_mut().for_each(UnitCost::end_frame);
                 add_time(&mut frame.stats, Some(Step::Filter), since);
                 return Ok(true);
             };
@@ -324,7 +324,7 @@ impl Enlarger {
                 Step::Bilinear | Step::Filter => work.params.tile_count(),
             };
             if work.next < end {
-                let (cost, filter) = (self.costs[step.kind()].unit(), work.enlargement.filter);
+                let (cost, filter) = (self.costs[step.kind()], work.enlargement.filter);
                 let count = cost.units_for(budget, step.first_units(filter), step.most_units(filter));
                 let count = count.max(step.least_units());
                 return Some((step, work.next..end.min(work.next.saturating_add(count))));
@@ -344,9 +344,7 @@ impl Enlarger {
         let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let scene = &mut self.scene;
         {
-            let timestamp_writes = work.target.stamps(4);
-            let descriptor = wgpu::ComputePassDescriptor { label: Some("full size"), timestamp_writes };
-            let pass = &mut encoder.begin_compute_pass(&descriptor);
+            let pass = &mut work.target.pass(&mut encoder, "full size", Some(4));
             match step {
                 Step::Faces(view) => scene.layers[view].record_faces(context, &units, pass)?,
                 Step::Pieces(view) => scene.layers[view].record_pieces(context, units.len(), pass)?,
@@ -438,11 +436,7 @@ impl Enlarger {
 
     /// Waits for the slices under way and drops them.
     pub(super) fn abandon(&mut self, context: &Context) -> Result<(), RenderError> {
-        let mut came_back = context.check();
-        while let Some(flight) = self.in_flight.pop_front() {
-            came_back = came_back.and_then(|()| self.readback.collect(context, flight.sent, |_| ()));
-        }
-        came_back
+        self.readback.abandon(context, self.in_flight.drain(..).map(|flight| flight.sent))
     }
 }
 
@@ -478,7 +472,7 @@ mod tests {
         assert!(Step::Filter.most_units(wide) < tiles / 8 && Step::Filter.most_units(usual) == GROUPS_MAX as usize);
         let mut enlarger = Enlarger::new();
         let units = |enlarger: &Enlarger, step: Step| {
-            enlarger.costs[step.kind()].unit().units_for(Duration::from_millis(15), 32, GROUPS_MAX as usize)
+            enlarger.costs[step.kind()].units_for(Duration::from_millis(15), 32, GROUPS_MAX as usize)
         };
         enlarger.begin_costs(UpsampleFilter::Nearest);
         for step in [Step::Filter, Step::Range] {

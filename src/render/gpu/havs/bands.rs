@@ -5,7 +5,7 @@ use crate::render::gpu::layout::TILE_PIXELS;
 use std::ops::Range;
 
 /// Tiles, or some pixels of one tile, that are resolved before the next fragments are stored.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Band {
     pub(super) tiles: Range<usize>,
     /// Pixels of each tile; fewer than all only if one tile alone exceeds the memory.
@@ -38,7 +38,7 @@ pub(super) fn bands(
     out: &mut Vec<Band>,
 ) -> Result<(), RenderError> {
     out.clear();
-    let from = |tile: usize| Band { tiles: tile..tile, pixels: 0..TILE_PIXELS, fragments: 0, deepest: 0, skipped: 0 };
+    let from = |tile: usize| Band { tiles: tile..tile, pixels: 0..TILE_PIXELS, ..Band::default() };
     let mut band = from(0);
     for (tile, (&sum, &deepest)) in sums.iter().zip(deepest).enumerate() {
         if u64::from(band.fragments) + u64::from(sum) <= u64::from(capacity) {

@@ -10,13 +10,10 @@ use crate::render::gpu::layout::{EYE_WORDS, FACE_WORDS};
 use crate::render::gpu::resources::Resource;
 use crate::render::{RenderError, RenderJob};
 use crate::visibility::DrawnFaces;
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Bindings for faces in the shaders.
 const PARTS: usize = 3;
-/// Faces are packed and sent in pieces of this many, so that no second copy of a large mesh is held.
-const FACES_PER_PIECE: usize = 1 << 18;
 /// Bytes of a face.
 const FACE_BYTES: u64 = 4 * FACE_WORDS as u64;
 
@@ -46,18 +43,10 @@ impl FaceBuffers {
         }
         self.part = part.max(1);
         let (mut made, mut sent) = (false, 0);
-        let mut piece: Vec<[u32; FACE_WORDS]> = Vec::new();
         for (at, buffer) in self.parts.iter_mut().enumerate() {
             let range = (at * self.part).min(faces)..((at + 1) * self.part).min(faces);
-            made |= buffer.reserve(context, FACE_BYTES * range.len() as u64)?;
-            for from in range.clone().step_by(FACES_PER_PIECE) {
-                let to = (from + FACES_PER_PIECE).min(range.end);
-                (from..to).into_par_iter().map(|face| pack(mesh, face)).collect_into_vec(&mut piece);
-                let offset = FACE_BYTES * (from - range.start) as u64;
-                sent += buffer.write(context, offset, bytemuck::cast_slice(&piece))?;
-                // Frees the staging memory of the piece before the next.
-                context.queue.submit([]);
-            }
+            let (new, bytes) = buffer.upload_packed(context, range, |face| pack(mesh, face))?;
+            (made, sent) = (made | new, sent + bytes);
         }
         self.of = Some(mesh.clone());
         Ok((made, sent))

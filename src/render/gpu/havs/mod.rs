@@ -37,9 +37,8 @@ use super::layout::{FaceParams, Lists, TILE_PIXELS, flags};
 use super::precision::PrecisionChoice;
 use super::presenter::Presenter;
 use super::readback::{Readback, Words, wait_for};
-use super::shaders::{FragmentKind, Precision, Stage};
-use super::slices::{IN_FLIGHT, SLICE, StepCost, dispatch};
-use super::target::Target;
+use super::shaders::{FragmentKind, Precision};
+use super::slices::{IN_FLIGHT, SLICE, UnitCost};
 use crate::render::cpu::havs::checked_faces;
 use crate::render::{Frame, FrameRun, LayerRenderer, RenderError, RenderJob};
 use crate::stats::FrameStats;
@@ -80,7 +79,7 @@ pub struct FaceLists {
     presenter: Presenter,
     precision: PrecisionChoice,
     /// Cost of each step per unit: a workgroup, or a round of sorting.
-    costs: [StepCost; STEPS],
+    costs: [UnitCost; STEPS],
     fragment_bytes: u64,
     /// Fragments of each tile, then of each tile's deepest pixel.
     sums: Vec<u32>,
@@ -99,22 +98,17 @@ impl Havs {
         Self::of(AtFullSize::of(FaceLists {
             context,
             scene: Scene::new(),
-            readback: Readback::new(),
+            readback: Readback::default(),
             words: Words::new(),
             in_flight: VecDeque::with_capacity(IN_FLIGHT),
-            presenter: Presenter::new(),
+            presenter: Presenter::default(),
             precision: PrecisionChoice::default(),
-            costs: [StepCost::default(); STEPS],
+            costs: [UnitCost::default(); STEPS],
             fragment_bytes,
             sums: Vec::new(),
             bands: Vec::new(),
             bases: Vec::new(),
         }))
-    }
-
-    /// The GPU that it renders on.
-    pub fn context(&self) -> &Arc<Context> {
-        &self.layer.layer.context
     }
 
     /// Number of bands of the last frame.
@@ -126,28 +120,11 @@ impl Havs {
 impl FaceLists {
     /// Submits decoding and view transform, and empties the lists.
     fn submit_preparation(&mut self, active: &FaceJob, stats: &mut FrameStats) -> Result<(), RenderError> {
-        let target = &active.target;
-        let Scene { pipelines, params, lists, .. } = &self.scene;
-        params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
+        let Scene { shared, pipelines, lists, .. } = &self.scene;
         let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.clear_buffer(lists.get(&self.context)?, 0, Some(4 * active.lists.pieces()));
-        let decoder = &self.scene.scalars.decoder;
-        if decoder.pending_vertices() > 0 {
-            stats.vertices_decoded_on_gpu = u64::from(decoder.pending_vertices());
-            let timestamp_writes = target.stamps(6);
-            let descriptor = wgpu::ComputePassDescriptor { label: Some("decode"), timestamp_writes };
-            decoder.record(&self.context, &mut encoder.begin_compute_pass(&descriptor))?;
-        }
-        {
-            let timestamp_writes = target.stamps(0);
-            let descriptor = wgpu::ComputePassDescriptor { label: Some("view transform"), timestamp_writes };
-            let mut pass = encoder.begin_compute_pass(&descriptor);
-            pipelines.set(&self.context, Stage::ViewTransform, &mut pass)?;
-            dispatch(&mut pass, active.params.vertex_count.div_ceil(256));
-        }
-        self.context.queue.submit([encoder.finish()]);
-        self.scene.scalars.decoder.forget();
-        self.context.check()
+        shared.record(&self.context, pipelines, &active.params, &active.target, &mut encoder, stats)?;
+        self.scene.shared.submit(&self.context, encoder)
     }
 
     /// Submits some units of the present step.
@@ -158,13 +135,10 @@ impl FaceLists {
         self.scene.face_params.write(context, 0, bytemuck::bytes_of(&active.face_params))?;
         let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
-            let timestamp_writes = if step == Step::Resolve { active.target.stamps(4) } else { None };
-            let descriptor = wgpu::ComputePassDescriptor { label: Some("faces"), timestamp_writes };
-            let mut pass = encoder.begin_compute_pass(&descriptor);
+            let mut pass = active.target.pass(&mut encoder, "faces", (step == Step::Resolve).then_some(4));
             let stage = stage(step, &active.job, active.precision)
                 .ok_or_else(|| context.beyond("a stage has not been prepared".to_owned()))?;
-            pipelines.set(context, stage, &mut pass)?;
-            dispatch(&mut pass, workgroups);
+            pipelines.dispatch(context, stage, workgroups, &mut pass)?;
         }
         active.next = units.end;
         let count = units.len();
@@ -280,18 +254,13 @@ impl FaceLists {
                 if ends_tiles && reads_pixels(&active.job, frame) {
                     slice.copy_pixels(&mut frame.planes, &active.params, active.job.mesh.positions.scale);
                 }
-                slice.add_to(&mut frame.stats, context)
+                frame.stats.add_counts(&slice.counts());
+                slice.add_times_to(&mut frame.stats, context)
             })?,
         };
         let ms = times.map_or_else(|| waiting.elapsed().as_secs_f64() * 1e3, |[_, resolve]| resolve);
         self.costs[flight.step as usize % STEPS].add(ms, flight.units);
         Ok(())
-    }
-
-    /// Ends the frame: updates costs and presents the image.
-    fn finish(&mut self, target: &Target, frame: &mut Frame) -> Result<(), RenderError> {
-        self.costs.iter_mut().for_each(StepCost::end_frame);
-        self.presenter.present(&self.context, &target.planes.color, frame)
     }
 
     /// The face parameters that are known before the upload.
@@ -314,7 +283,7 @@ impl LeavesImage for FaceLists {
     }
 
     fn left<'a>(&'a self, job: &'a FaceJob) -> ImageLeft<'a> {
-        ImageLeft { target: &job.target, params: &job.params, vertices: &self.scene.vertices.vertices }
+        ImageLeft { target: &job.target, params: &job.params, vertices: &self.scene.shared.vertices.vertices }
     }
 }
 
@@ -329,7 +298,7 @@ impl LayerRenderer for FaceLists {
         self.context.check_job(&job)?;
         let mut params = eye::params(&self.context, &view)?;
         self.bands.clear();
-        if self.scene.table.shows_nothing(&job) || job.active.count() == 0 || drawn.faces.is_empty() {
+        if self.scene.shared.table.shows_nothing(&job) || job.active.count() == 0 || drawn.faces.is_empty() {
             // All pixels are transparent: the frame is complete.
             frame.clear(view.plane_px());
             return Ok(None);
@@ -343,8 +312,8 @@ impl LayerRenderer for FaceLists {
         let target = self.scene.update(&self.context, &job, &drawn, &eye_cells, &mut params, &mut face_params)?;
         frame.stats.faces_drawn = drawn.faces.len() as u64;
         frame.stats.in_f64 = precision == Precision::Double;
-        frame.stats.bytes_uploaded = self.scene.bytes_sent;
-        self.costs.iter_mut().for_each(StepCost::begin_frame);
+        frame.stats.bytes_uploaded = self.scene.shared.bytes_sent;
+        self.costs.iter_mut().for_each(UnitCost::begin_frame);
         let lists = Lists { tiles: params.tile_count() as u64 };
         let step = Step::CountFaces;
         let active = FaceJob { job, precision, params, face_params, target, lists, step, next: 0, pieces: 0, band: 0 };
@@ -361,7 +330,7 @@ impl LayerRenderer for FaceLists {
                 continue;
             }
             if step != Step::End && self.in_flight.len() < IN_FLIGHT {
-                let cost = self.costs[step as usize % STEPS].unit();
+                let cost = self.costs[step as usize % STEPS];
                 let count = cost.units_for(budget, step.first_units(), step.most_units()).max(step.least_units());
                 let units = active.next..end.min(active.next.saturating_add(count));
                 self.submit_units(active, units, reads_pixels(&active.job, frame))?;
@@ -371,7 +340,8 @@ impl LayerRenderer for FaceLists {
                 self.collect(flight, active, frame)?;
             }
             if step == Step::End && self.in_flight.is_empty() {
-                self.finish(&active.target, frame)?;
+                self.costs.iter_mut().for_each(UnitCost::end_frame);
+                self.presenter.present(&self.context, &active.target.planes.color, frame)?;
                 return Ok(true);
             }
             if slice_started.elapsed() >= budget {
@@ -381,13 +351,11 @@ impl LayerRenderer for FaceLists {
     }
 
     fn abandon(&mut self) -> Result<(), RenderError> {
-        let mut came_back = self.context.check();
-        while let Some(flight) = self.in_flight.pop_front() {
-            if let Work::Pixels { sent, .. } = flight.work {
-                came_back = came_back.and_then(|()| self.readback.collect(&self.context, sent, |_| ()));
-            }
-        }
-        came_back
+        let sent = self.in_flight.drain(..).filter_map(|flight| match flight.work {
+            Work::Pixels { sent, .. } => Some(sent),
+            Work::Plain(_) => None,
+        });
+        self.readback.abandon(&self.context, sent)
     }
 
     fn slice(&self) -> Duration {

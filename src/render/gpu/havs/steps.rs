@@ -119,8 +119,7 @@ impl FaceJob {
 
     /// Units of a step.
     pub(super) fn units(&self, step: Step, bands: &[Band]) -> Range<usize> {
-        let none = || Band { tiles: 0..0, pixels: 0..0, fragments: 0, deepest: 0, skipped: 0 };
-        let band = || bands.get(self.band).cloned().unwrap_or_else(none);
+        let band = || bands.get(self.band).cloned().unwrap_or_default();
         let is_empty = || band().fragments == 0;
         let has_starts = self.face_params.eye_count > 0;
         let groups = self.face_params.drawn_count.div_ceil(FACES_PER_GROUP) as usize;

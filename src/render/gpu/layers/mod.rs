@@ -21,11 +21,12 @@ pub(super) mod stage_tests;
 
 use super::buffers::GrowingBuffer;
 use super::context::Context;
-use super::layout::{FACES_PER_GROUP, FaceParams, LayerLists, PIECE_WORDS, Params, TILE_PIXELS, TILE_PX};
+use super::layout::{
+    FACES_PER_GROUP, FIRST_PIECES_PER_TILE, FaceParams, LayerLists, PIECE_WORDS, Params, TILE_PIXELS, TILE_PX,
+};
 use super::pipelines::{NO_RECORDS, Pipelines};
 use super::resources::Resource;
 use super::shaders::{Pass, Precision, Stage};
-use super::slices::dispatch;
 use super::target::OnePlane;
 use crate::mesh::Mesh;
 use crate::render::cpu::layers::boundary_faces;
@@ -33,9 +34,6 @@ use crate::render::{RenderError, RenderJob};
 use crate::visibility::CellSet;
 use std::ops::Range;
 use std::sync::Arc;
-
-/// Initial capacity for pieces of large faces, per tile: a few faces in all tiles.
-const FIRST_PIECES_PER_TILE: u64 = 8;
 
 const FACES: Stage = Stage::Faces(Pass::Layers, Precision::Single);
 const PIECES: Stage = Stage::FacePieces(Pass::Layers, Precision::Single);
@@ -99,7 +97,7 @@ pub(super) struct DepthLayers {
     pub(super) depths: GrowingBuffer,
     /// The plane of depth layers, 0 to 1, that filters compare.
     reference: Option<OnePlane>,
-    pipelines: Pipelines,
+    pub(super) pipelines: Pipelines,
     pub(super) params: Params,
     face_params: FaceParams,
     places: LayerLists,
@@ -144,7 +142,8 @@ impl DepthLayers {
         made |= self.face_params_buffer.reserve(context, size_of::<FaceParams>() as u64)?;
         made |= self.args.reserve(context, 12)?;
         made |= self.depths.reserve(context, 4 * self.places.depths())?;
-        made |= self.reserve_pieces(context, FIRST_PIECES_PER_TILE * self.places.tiles)?;
+        let pieces = FIRST_PIECES_PER_TILE * self.places.tiles;
+        made |= self.lists.reserve_list(context, LayerLists::HEAD, PIECE_WORDS, pieces)?;
         made |= OnePlane::keep(&mut self.reference, context, Resource::ReferencePlane, size_px)?;
         self.params = params;
         self.face_params = FaceParams {
@@ -166,11 +165,6 @@ impl DepthLayers {
         [params_buffer, face_params_buffer, lists, args, depths].into_iter().for_each(GrowingBuffer::release);
     }
 
-    /// Shares the stages that `others` has compiled.
-    pub(super) fn share(&mut self, others: &Self) {
-        self.pipelines.share(&others.pipelines);
-    }
-
     /// View of the reference plane, if it is allocated.
     pub(super) fn reference(&self) -> Option<&wgpu::TextureView> {
         self.reference.as_ref().map(|plane| &plane.view)
@@ -180,11 +174,6 @@ impl DepthLayers {
     #[cfg(test)]
     pub(super) fn plane(&self) -> Option<&OnePlane> {
         self.reference.as_ref()
-    }
-
-    /// Drops the bind groups: bound buffers have been reallocated.
-    pub(super) fn unbind(&mut self) {
-        self.pipelines.unbind();
     }
 
     /// Makes the missing bind groups, with the boundary, its view vertices and the buffer of the depth range.
@@ -219,9 +208,7 @@ impl DepthLayers {
         let face = |group: usize| (group as u32).saturating_mul(FACES_PER_GROUP).min(self.face_params.drawn_count);
         (self.face_params.first, self.face_params.end) = (face(groups.start), face(groups.end));
         self.face_params_buffer.write(context, 0, bytemuck::bytes_of(&self.face_params))?;
-        self.pipelines.set(context, FACES, pass)?;
-        dispatch(pass, groups.len() as u32);
-        Ok(())
+        self.pipelines.dispatch(context, FACES, groups.len() as u32, pass)
     }
 
     /// Records the next pieces of large faces, at most `most`.
@@ -233,8 +220,7 @@ impl DepthLayers {
     ) -> Result<(), RenderError> {
         self.face_params.end = most as u32;
         self.face_params_buffer.write(context, 0, bytemuck::bytes_of(&self.face_params))?;
-        self.pipelines.set(context, Stage::LayersPlan, pass)?;
-        pass.dispatch_workgroups(1, 1, 1);
+        self.pipelines.dispatch(context, Stage::LayersPlan, 1, pass)?;
         self.pipelines.set(context, PIECES, pass)?;
         pass.dispatch_workgroups_indirect(self.args.get(context)?, 0);
         Ok(())
@@ -247,32 +233,25 @@ impl DepthLayers {
 
     /// Capacity in pieces.
     pub(super) fn piece_capacity(&self) -> u32 {
-        let words = (self.lists.bytes() / 4).saturating_sub(LayerLists::HEAD);
-        u32::try_from(words / PIECE_WORDS).unwrap_or(u32::MAX)
-    }
-
-    /// Makes room for `pieces`. Returns whether the buffer was reallocated.
-    fn reserve_pieces(&mut self, context: &Context, pieces: u64) -> Result<bool, RenderError> {
-        self.lists.reserve(context, 4 * (LayerLists::HEAD + PIECE_WORDS * pieces))
+        self.lists.list_capacity(LayerLists::HEAD, PIECE_WORDS)
     }
 
     /// Makes room for `pieces`, and a quarter more if a binding may hold them. Unbinds all; the boundary must be drawn again.
     pub(super) fn grow_pieces(&mut self, context: &Context, pieces: u64) -> Result<(), RenderError> {
         // Bind groups would keep the old list alive beside the new one.
-        self.unbind();
+        self.pipelines.unbind();
         let most = (context.binding_bytes() / 4).saturating_sub(LayerLists::HEAD) / PIECE_WORDS;
         // A buffer is a multiple of 16 bytes.
         let most = most - most % 2;
-        self.reserve_pieces(context, (pieces + pieces / 4).min(most).max(pieces))?;
+        let pieces = (pieces + pieces / 4).min(most).max(pieces);
+        self.lists.reserve_list(context, LayerLists::HEAD, PIECE_WORDS, pieces)?;
         self.face_params.piece_capacity = self.piece_capacity();
         Ok(())
     }
 
     /// Records the range of all depths.
     pub(super) fn record_range(&self, context: &Context, pass: &mut wgpu::ComputePass<'_>) -> Result<(), RenderError> {
-        self.pipelines.set(context, Stage::LayersRange, pass)?;
-        pass.dispatch_workgroups(1, 1, 1);
-        Ok(())
+        self.pipelines.dispatch(context, Stage::LayersRange, 1, pass)
     }
 
     /// Records the reference plane of some tiles.
@@ -284,8 +263,6 @@ impl DepthLayers {
     ) -> Result<(), RenderError> {
         self.params.first_tile = tiles.start as u32;
         self.params_buffer.write(context, 0, bytemuck::bytes_of(&self.params))?;
-        self.pipelines.set(context, Stage::LayersReference, pass)?;
-        pass.dispatch_workgroups(tiles.len() as u32, 1, 1);
-        Ok(())
+        self.pipelines.dispatch(context, Stage::LayersReference, tiles.len() as u32, pass)
     }
 }

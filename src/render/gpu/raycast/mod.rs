@@ -35,7 +35,7 @@ use super::precision::PrecisionChoice;
 use super::presenter::Presenter;
 use super::readback::{Readback, Sent};
 use super::shaders::{Gathering, Inside, Precision, Stage};
-use super::slices::{GROUPS_MAX, IN_FLIGHT, SLICE, UnitCost, dispatch};
+use super::slices::{GROUPS_MAX, IN_FLIGHT, SLICE, UnitCost};
 use super::target::Target;
 use crate::render::adaptive::LAST;
 use crate::render::cpu::raycast::skips::CellChoice;
@@ -81,8 +81,6 @@ pub struct WalkJob {
     next_tile: usize,
     /// Number of tiles that have come back.
     tiles_done: usize,
-    /// Milliseconds that those tiles took.
-    walk_ms: f64,
     /// Contrast-adaptive sampling; `None` if all rays are cast at once.
     sampling: Option<Sampling>,
 }
@@ -93,20 +91,15 @@ impl Raycast {
         Self::of(AtFullSize::of(CellWalk {
             context,
             scene: Scene::new(),
-            readback: Readback::new(),
+            readback: Readback::default(),
             in_flight: VecDeque::with_capacity(IN_FLIGHT),
             choice: CellChoice::default(),
             precision: PrecisionChoice::default(),
-            presenter: Presenter::new(),
+            presenter: Presenter::default(),
             cost: UnitCost::default(),
             sampling_costs: SamplingCosts::default(),
             preview: None,
         }))
-    }
-
-    /// The GPU that it renders on.
-    pub fn context(&self) -> &Arc<Context> {
-        &self.layer.layer.context
     }
 }
 
@@ -114,43 +107,23 @@ impl CellWalk {
     /// Submits decoding, view transform and entries.
     fn submit_preparation(&mut self, active: &WalkJob, stats: &mut FrameStats) -> Result<(), RenderError> {
         let target = &active.target;
-        let Scene { pipelines, params, bins, .. } = &self.scene;
-        params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
+        let Scene { shared, pipelines, bins, .. } = &self.scene;
         let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.clear_buffer(bins.get(&self.context)?, 0, Some(4 * (target.tile_count() as u64 + 1)));
         if let Some(sampling) = &active.sampling {
             self.scene.rays.begin(&self.context, &mut encoder, target.size_px, sampling.contrast())?;
         }
-        let decoder = &self.scene.scalars.decoder;
-        if decoder.pending_vertices() > 0 {
-            stats.vertices_decoded_on_gpu = u64::from(decoder.pending_vertices());
-            let timestamp_writes = target.stamps(6);
-            let descriptor = wgpu::ComputePassDescriptor { label: Some("decode"), timestamp_writes };
-            decoder.record(&self.context, &mut encoder.begin_compute_pass(&descriptor))?;
-        }
-        let (vertices, items) = (active.params.vertex_count, active.params.item_count);
-        for (label, timestamp_writes, stages) in [
-            ("view transform", target.stamps(0), &[(Stage::ViewTransform, vertices.div_ceil(256))][..]),
-            (
-                "entries",
-                target.stamps(2),
-                &[
-                    (Stage::EntriesCount, items.div_ceil(64)),
-                    (Stage::EntriesScan, 1),
-                    (Stage::EntriesStore, items.div_ceil(64)),
-                ][..],
-            ),
-        ] {
-            let descriptor = wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes };
-            let mut pass = encoder.begin_compute_pass(&descriptor);
-            for &(stage, workgroups) in stages {
-                pipelines.set(&self.context, stage, &mut pass)?;
-                dispatch(&mut pass, workgroups);
+        shared.record(&self.context, pipelines, &active.params, target, &mut encoder, stats)?;
+        {
+            let mut pass = target.pass(&mut encoder, "entries", Some(2));
+            let groups = active.params.item_count.div_ceil(64);
+            for (stage, workgroups) in
+                [(Stage::EntriesCount, groups), (Stage::EntriesScan, 1), (Stage::EntriesStore, groups)]
+            {
+                pipelines.dispatch(&self.context, stage, workgroups, &mut pass)?;
             }
         }
-        self.context.queue.submit([encoder.finish()]);
-        self.scene.scalars.decoder.forget();
-        self.context.check()
+        self.scene.shared.submit(&self.context, encoder)
     }
 
     /// Uploads a job that may be visible, and submits the stages before the walk.
@@ -173,12 +146,18 @@ impl CellWalk {
         let target = self.scene.update(&self.context, &job, (precision, is_sampled), &eye_cells, &mut params)?;
         frame.stats.in_f64 = precision == Precision::Double;
         frame.stats.entry_faces = u64::from(params.face_count);
-        frame.stats.bytes_uploaded = self.scene.bytes_sent;
+        frame.stats.bytes_uploaded = self.scene.shared.bytes_sent;
         let tile_count = params.tile_count();
-        let (next_tile, tiles_done, walk_ms) = (0, 0, 0.0);
-        let active = WalkJob { job, precision, params, target, tile_count, next_tile, tiles_done, walk_ms, sampling };
+        let active = WalkJob { job, precision, params, target, tile_count, next_tile: 0, tiles_done: 0, sampling };
+        self.begin_costs();
         self.submit_preparation(&active, &mut frame.stats)?;
         Ok(active)
+    }
+
+    /// Begins an image's costs, whether its rays are cast tile by tile or from a list.
+    fn begin_costs(&mut self) {
+        self.cost.begin_frame();
+        self.sampling_costs.group.begin_frame();
     }
 
     /// Works on an image of all rays for about `budget`. Returns whether it is done.
@@ -190,13 +169,12 @@ impl CellWalk {
     ) -> Result<bool, RenderError> {
         let slice_started = Instant::now();
         loop {
-            let tiles = self.cost.units_for(budget, FIRST_TILES, GROUPS_MAX as usize);
             if active.next_tile < active.tile_count && self.in_flight.len() < IN_FLIGHT {
-                self.submit_tiles(active, tiles, reads_pixels(&active.job, frame))?;
+                self.submit_tiles(active, budget, reads_pixels(&active.job, frame))?;
                 continue;
             }
             let Some(sent) = self.in_flight.pop_front() else { return Ok(true) };
-            self.collect_slice(sent, active, frame)?;
+            self.collect_tiles(sent, active, frame)?;
             let is_done = active.tiles_done >= active.tile_count;
             if is_done {
                 self.presenter.present(&self.context, &active.target.planes.color, frame)?;
@@ -207,51 +185,58 @@ impl CellWalk {
         }
     }
 
-    /// Submits the walk of the next `count` tiles.
-    fn submit_tiles(&mut self, active: &mut WalkJob, count: usize, has_pixels: bool) -> Result<(), RenderError> {
+    /// Submits the next tiles: their walk, or, if sampling is adaptive, the filling between their rays.
+    fn submit_tiles(&mut self, active: &mut WalkJob, budget: Duration, has_pixels: bool) -> Result<(), RenderError> {
+        let fills = active.sampling.is_some();
+        let cost = if fills { self.sampling_costs.fill } else { self.cost };
+        let count = cost.units_for(budget, FIRST_TILES, GROUPS_MAX as usize);
         let target = &active.target;
-        let Scene { pipelines, params, bins, .. } = &self.scene;
+        let Scene { shared, pipelines, bins, rays, .. } = &self.scene;
         let tiles = active.next_tile..(active.next_tile + count).min(active.tile_count);
         active.params.first_tile = tiles.start as u32;
-        params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
+        shared.params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
         let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let timestamp_writes = target.stamps(4);
         {
-            let descriptor = wgpu::ComputePassDescriptor { label: Some("walk"), timestamp_writes };
-            let mut pass = encoder.begin_compute_pass(&descriptor);
-            let walk = Stage::Walk(Gathering::of(&active.job), Inside::of(&active.job), active.precision);
-            pipelines.set(&self.context, walk, &mut pass)?;
-            pass.dispatch_workgroups(tiles.len() as u32, 1, 1);
+            let mut pass = target.pass(&mut encoder, if fills { "fill" } else { "walk" }, Some(4));
+            if fills {
+                rays.record_fill(&self.context, tiles.len(), &mut pass)?;
+            } else {
+                let walk = Stage::Walk(Gathering::of(&active.job), Inside::of(&active.job), active.precision);
+                pipelines.dispatch(&self.context, walk, tiles.len() as u32, &mut pass)?;
+            }
         }
         active.next_tile = tiles.end;
-        let total = Some((bins.get(&self.context)?, 4 * active.tile_count as u64, 1));
+        let total = if fills { None } else { Some((bins.get(&self.context)?, 4 * active.tile_count as u64, 1)) };
         let sent = self.readback.send(&self.context, encoder, target, (tiles, has_pixels), total)?;
         self.in_flight.push_back(sent);
         Ok(())
     }
 
-    /// Waits for a slice and takes its pixels, or begins the frame again if its lists were too short.
-    fn collect_slice(&mut self, sent: Sent, active: &mut WalkJob, frame: &mut Frame) -> Result<(), RenderError> {
-        let (context, cost) = (&self.context, &mut self.cost);
+    /// Waits for tiles and takes their pixels, or begins the frame again if its lists were too short.
+    fn collect_tiles(&mut self, sent: Sent, active: &mut WalkJob, frame: &mut Frame) -> Result<(), RenderError> {
+        let fills = active.sampling.is_some();
+        let (context, cost) = (&self.context, if fills { &mut self.sampling_costs.fill } else { &mut self.cost });
         let waiting = Instant::now();
         let needed = self.readback.collect(context, sent, |slice| {
-            let needed = u64::from(slice.word_sent(0));
+            let needed = if fills { 0 } else { u64::from(slice.word_sent(0)) };
             if needed > u64::from(active.params.pair_capacity) {
                 return Some(needed);
             }
             if reads_pixels(&active.job, frame) {
                 slice.copy_pixels(&mut frame.planes, &active.params, active.job.mesh.positions.scale);
             }
-            let times = slice.add_to(&mut frame.stats, context);
+            if !fills {
+                frame.stats.add_counts(&slice.counts());
+            }
+            let times = slice.add_times_to(&mut frame.stats, context);
             if let Some([entries, _]) = times {
                 frame.stats.ms_gpu_entries = Some(entries);
             }
-            let ms = times.map_or_else(|| waiting.elapsed().as_secs_f64() * 1e3, |[_, walk]| walk);
-            cost.last = Some(ms / slice.tiles.len().max(1) as f64);
-            active.walk_ms += ms;
+            let ms = times.map_or_else(|| waiting.elapsed().as_secs_f64() * 1e3, |[_, ms]| ms);
+            cost.add(ms, slice.tiles.len());
             active.tiles_done += slice.tiles.len();
             if active.tiles_done >= active.tile_count {
-                cost.mean = Some(active.walk_ms / active.tile_count.max(1) as f64);
+                cost.end_frame();
             }
             None
         })?;
@@ -267,8 +252,9 @@ impl CellWalk {
     ) -> Result<(), RenderError> {
         self.abandon()?;
         self.scene.grow_lists(&self.context, pairs_needed, active.sampling.is_some(), &mut active.params)?;
-        (active.next_tile, active.tiles_done, active.walk_ms) = (0, 0, 0.0);
-        active.sampling.iter_mut().for_each(Sampling::begin_again);
+        (active.next_tile, active.tiles_done) = (0, 0);
+        active.sampling.iter_mut().for_each(|sampling| sampling.fills = false);
+        self.begin_costs();
         stats.entry_retries += 1;
         self.submit_preparation(active, stats)
     }
@@ -280,7 +266,7 @@ impl LeavesImage for CellWalk {
     }
 
     fn left<'a>(&'a self, job: &'a WalkJob) -> ImageLeft<'a> {
-        ImageLeft { target: &job.target, params: &job.params, vertices: &self.scene.vertices.vertices }
+        ImageLeft { target: &job.target, params: &job.params, vertices: &self.scene.shared.vertices.vertices }
     }
 }
 
@@ -293,7 +279,7 @@ impl LayerRenderer for CellWalk {
         self.context.check_job(&job)?;
         self.preview = None;
         eye::params(&self.context, &view)?;
-        if self.scene.table.shows_nothing(&job) || job.active.count() == 0 {
+        if self.scene.shared.table.shows_nothing(&job) || job.active.count() == 0 {
             // All pixels are transparent: the frame is complete.
             frame.clear(view.plane_px());
             return Ok(None);
@@ -317,11 +303,7 @@ impl LayerRenderer for CellWalk {
     }
 
     fn abandon(&mut self) -> Result<(), RenderError> {
-        let mut came_back = self.context.check();
-        while let Some(sent) = self.in_flight.pop_front() {
-            came_back = came_back.and_then(|()| self.readback.collect(&self.context, sent, |_| ()));
-        }
-        came_back
+        self.readback.abandon(&self.context, self.in_flight.drain(..))
     }
 
     fn slice(&self) -> Duration {

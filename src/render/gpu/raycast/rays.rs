@@ -21,7 +21,7 @@ pub(super) struct RayScene {
     args: GrowingBuffer,
     /// Colour and depth of the rays cast, and the width and height of their image.
     pub(super) seen: Option<((usize, usize), PlanePair)>,
-    pipelines: Pipelines,
+    pub(super) pipelines: Pipelines,
 }
 
 impl RayScene {
@@ -54,7 +54,7 @@ impl RayScene {
             stale = true;
         }
         if stale {
-            self.unbind();
+            self.pipelines.unbind();
         }
         Ok(())
     }
@@ -63,13 +63,8 @@ impl RayScene {
     pub(super) fn forget_other(&mut self, size_px: (usize, usize)) {
         if self.seen.as_ref().is_some_and(|(size, _)| *size != size_px) {
             (self.seen, self.rays) = (None, GrowingBuffer::new(Resource::Rays));
-            self.unbind();
+            self.pipelines.unbind();
         }
-    }
-
-    /// Drops the bind groups: bound buffers have been reallocated.
-    pub(super) fn unbind(&mut self) {
-        self.pipelines.unbind();
     }
 
     /// Makes the missing bind groups, from its own resources, `buffers` and `planes`.
@@ -123,14 +118,12 @@ impl RayScene {
         self.rays.write(context, 4 * RayLists::GROUPS_LEFT as u64, bytemuck::cast_slice(&left_and_done))?;
         let args = self.args.get(context)?;
         for _ in 0..RayLists::STEPS {
-            self.pipelines.set(context, Stage::SplitPlan, pass)?;
-            pass.dispatch_workgroups(1, 1, 1);
+            self.pipelines.dispatch(context, Stage::SplitPlan, 1, pass)?;
             for stage in [Stage::SplitDecide, Stage::SplitAppend] {
                 self.pipelines.set(context, stage, pass)?;
                 pass.dispatch_workgroups_indirect(args, 0);
             }
-            self.pipelines.set(context, Stage::SplitSlice, pass)?;
-            pass.dispatch_workgroups(1, 1, 1);
+            self.pipelines.dispatch(context, Stage::SplitSlice, 1, pass)?;
             self.pipelines.set(context, walk, pass)?;
             pass.dispatch_workgroups_indirect(args, WALK_ARGS);
         }
@@ -144,8 +137,6 @@ impl RayScene {
         tiles: usize,
         pass: &mut wgpu::ComputePass<'_>,
     ) -> Result<(), RenderError> {
-        self.pipelines.set(context, Stage::Fill, pass)?;
-        pass.dispatch_workgroups(tiles as u32, 1, 1);
-        Ok(())
+        self.pipelines.dispatch(context, Stage::Fill, tiles as u32, pass)
     }
 }

@@ -5,11 +5,8 @@ use crate::render::RenderError;
 use crate::render::gpu::buffers::GrowingBuffer;
 use crate::render::gpu::context::Context;
 use crate::render::gpu::resources::Resource;
-use crate::render::gpu::shaders::{RECORD_BYTES, RecordSplit};
+use crate::render::gpu::shaders::RecordSplit;
 use std::sync::Arc;
-
-/// Cells per piece in which records are made and sent, so that no second copy of a large mesh is held.
-const CELLS_PER_PIECE: usize = 1 << 18;
 
 /// Buffers of the records: four vertices and four neighbours per cell.
 #[derive(Debug)]
@@ -36,22 +33,10 @@ impl Records {
         self.of = None;
         let cells = mesh.topology.tets.len();
         let (mut made, mut sent) = (false, 0);
-        let mut piece = Vec::with_capacity(2 * CELLS_PER_PIECE.min(cells));
+        let record = |cell: usize| [mesh.topology.tets[cell], mesh.topology.neighbours[cell].map(|n| n.0)];
         for (part, buffer) in (0u32..).zip(&mut self.parts) {
-            let range = split.cells_of(part, cells);
-            made |= buffer.reserve(context, RECORD_BYTES * range.len() as u64)?;
-            for from in range.clone().step_by(CELLS_PER_PIECE) {
-                let to = (from + CELLS_PER_PIECE).min(range.end);
-                piece.clear();
-                for cell in from..to {
-                    piece.push(mesh.topology.tets[cell]);
-                    piece.push(mesh.topology.neighbours[cell].map(|n| n.0));
-                }
-                let offset = RECORD_BYTES * (from - range.start) as u64;
-                sent += buffer.write(context, offset, bytemuck::cast_slice(&piece))?;
-                // Frees the staging memory of the piece before the next.
-                context.queue.submit([]);
-            }
+            let (new, bytes) = buffer.upload_packed(context, split.cells_of(part, cells), record)?;
+            (made, sent) = (made | new, sent + bytes);
         }
         self.of = Some(mesh.clone());
         Ok((made, sent))

@@ -37,17 +37,14 @@ pub(super) struct Sampling {
     /// The job of all rays, if it follows the last threshold.
     exact: Option<Box<RenderJob>>,
     /// Whether all rays have been cast, and the image is being filled.
-    fills: bool,
-    /// Workgroups of the present threshold's walk, and their milliseconds.
-    groups: usize,
-    ms: f64,
+    pub(super) fills: bool,
 }
 
 /// Milliseconds per workgroup of rays and per filled tile, kept from frame to frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct SamplingCosts {
-    group: UnitCost,
-    fill: UnitCost,
+    pub(super) group: UnitCost,
+    pub(super) fill: UnitCost,
 }
 
 /// What a slice of rays reads back.
@@ -69,23 +66,13 @@ impl Sampling {
         contrasts.reverse();
         let exact = || RenderJob { contrast: None, previews: Vec::new(), domain: None, ..job.clone() };
         let exact = is_whole.then(|| Box::new(exact()));
-        Self { contrasts, exact, fills: false, groups: 0, ms: 0.0 }
+        Self { contrasts, exact, fills: false }
     }
 
     /// The threshold that is being reached.
     pub(super) fn contrast(&self) -> f32 {
         self.contrasts.last().copied().unwrap_or(0.0)
     }
-
-    /// Begins a threshold.
-    pub(super) fn begin_again(&mut self) {
-        (self.fills, self.groups, self.ms) = (false, 0, 0.0);
-    }
-}
-
-/// The stage that walks listed rays.
-pub(super) fn walk_of(job: &WalkJob) -> Stage {
-    Stage::WalkRays(Gathering::of(&job.job), Inside::of(&job.job), job.precision)
 }
 
 impl Told {
@@ -129,14 +116,14 @@ impl CellWalk {
                 continue;
             }
             if fills && has_room && active.next_tile < active.tile_count {
-                self.submit_filling(active, budget, reads_pixels(&active.job, frame))?;
+                self.submit_tiles(active, budget, reads_pixels(&active.job, frame))?;
                 continue;
             }
             let Some(sent) = self.in_flight.pop_front() else { return Ok(true) };
             if !fills {
                 self.collect_rays(sent, active, frame)?;
             } else {
-                self.collect_filling(sent, active, frame)?;
+                self.collect_tiles(sent, active, frame)?;
                 if active.tiles_done >= active.tile_count {
                     return self.end_contrast(active, frame);
                 }
@@ -153,10 +140,9 @@ impl CellWalk {
         let groups = self.sampling_costs.group.units_for(budget, FIRST_TILES, GROUPS_MAX as usize);
         let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
-            let timestamp_writes = active.target.stamps(4);
-            let descriptor = wgpu::ComputePassDescriptor { label: Some("walk of rays"), timestamp_writes };
-            let mut pass = encoder.begin_compute_pass(&descriptor);
-            self.scene.rays.record(&self.context, walk_of(active), groups, &mut pass)?;
+            let mut pass = active.target.pass(&mut encoder, "walk of rays", Some(4));
+            let walk = Stage::WalkRays(Gathering::of(&active.job), Inside::of(&active.job), active.precision);
+            self.scene.rays.record(&self.context, walk, groups, &mut pass)?;
         }
         let head = Some((self.scene.rays.rays.get(&self.context)?, 0, RayLists::HEAD));
         let sent = self.readback.send(&self.context, encoder, &active.target, (0..0, false), head)?;
@@ -178,59 +164,20 @@ impl CellWalk {
         }
         let Some(sampling) = &mut active.sampling else { return Ok(()) };
         if told.groups > 0 {
-            sampling.groups += told.groups;
-            sampling.ms += told.ms;
-            self.sampling_costs.group.last = Some(told.ms / told.groups as f64);
+            self.sampling_costs.group.add(told.ms, told.groups);
         }
         if !told.is_done {
             return Ok(());
         }
-        self.sampling_costs.group.mean = Some(sampling.ms / sampling.groups.max(1) as f64);
-        (sampling.fills, active.next_tile, active.tiles_done, active.walk_ms) = (true, 0, 0, 0.0);
+        self.sampling_costs.group.end_frame();
+        self.sampling_costs.fill.begin_frame();
+        (sampling.fills, active.next_tile, active.tiles_done) = (true, 0, 0);
         let (stats, counts) = (&mut frame.stats, told.counts);
         stats.add_counts(&counts);
         stats.rays_by_level.iter_mut().zip(counts.rays_by_level).for_each(|(sum, count)| *sum += count);
         (stats.blocks_split, stats.blocks_filled) = (counts.blocks_split, counts.blocks_filled);
         // Slices submitted behind the last one do nothing.
         self.abandon()
-    }
-
-    /// Submits the filling of the next tiles.
-    fn submit_filling(&mut self, active: &mut WalkJob, budget: Duration, has_pixels: bool) -> Result<(), RenderError> {
-        let count = self.sampling_costs.fill.units_for(budget, FIRST_TILES, GROUPS_MAX as usize);
-        let tiles = active.next_tile..(active.next_tile + count).min(active.tile_count);
-        active.params.first_tile = tiles.start as u32;
-        self.scene.params.write(&self.context, 0, bytemuck::bytes_of(&active.params))?;
-        let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        {
-            let timestamp_writes = active.target.stamps(4);
-            let descriptor = wgpu::ComputePassDescriptor { label: Some("fill"), timestamp_writes };
-            let mut pass = encoder.begin_compute_pass(&descriptor);
-            self.scene.rays.record_fill(&self.context, tiles.len(), &mut pass)?;
-        }
-        active.next_tile = tiles.end;
-        let sent = self.readback.send(&self.context, encoder, &active.target, (tiles, has_pixels), None)?;
-        self.in_flight.push_back(sent);
-        Ok(())
-    }
-
-    /// Waits for filled tiles and takes their pixels.
-    fn collect_filling(&mut self, sent: Sent, active: &mut WalkJob, frame: &mut Frame) -> Result<(), RenderError> {
-        let (waiting, cost) = (Instant::now(), &mut self.sampling_costs.fill);
-        self.readback.collect(&self.context, sent, |slice| {
-            if reads_pixels(&active.job, frame) {
-                slice.copy_pixels(&mut frame.planes, &active.params, active.job.mesh.positions.scale);
-            }
-            let times = slice.add_times_to(&mut frame.stats, &self.context);
-            let ms = times.map_or_else(|| waiting.elapsed().as_secs_f64() * 1e3, |[_, fill]| fill);
-            cost.last = Some(ms / slice.tiles.len().max(1) as f64);
-            active.walk_ms += ms;
-            active.tiles_done += slice.tiles.len();
-        })?;
-        if active.tiles_done >= active.tile_count {
-            cost.mean = Some(active.walk_ms / active.tile_count.max(1) as f64);
-        }
-        Ok(())
     }
 
     /// Presents the image of a contrast. Returns whether it was the last.
@@ -252,7 +199,8 @@ impl CellWalk {
         if sampling.contrasts.is_empty() {
             return sampling.exact.take().map_or(Ok(()), |exact| self.begin_exact(*exact, active, frame));
         }
-        sampling.begin_again();
+        sampling.fills = false;
+        self.sampling_costs.group.begin_frame();
         self.scene.rays.sharpen(&self.context, active.target.size_px, sampling.contrast())
     }
 

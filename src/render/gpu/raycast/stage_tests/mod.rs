@@ -103,7 +103,7 @@ fn prepare(context: &Arc<Context>, job: &RenderJob) -> Prepared {
     let layer = &mut renderer.layer.layer;
     let active = layer.begin(job.clone(), &mut Frame::default()).unwrap().unwrap();
     let words = |buffer: &wgpu::Buffer| read_back(context, buffer);
-    let vertices = words(layer.scene.vertices.vertices.get(context).unwrap());
+    let vertices = words(layer.scene.shared.vertices.vertices.get(context).unwrap());
     let vertices = bytemuck::cast_slice::<_, [f32; 8]>(&vertices)[..job.mesh.positions.local.len()].to_vec();
     let bins = words(layer.scene.bins.get(context).unwrap());
     Prepared { params: active.params, vertices, bins }
