@@ -230,6 +230,6 @@ impl<I: Integrator> Medium for ScalarMedium<'_, I> {
 #[cold]
 #[inline(never)]
 pub(in crate::render) fn first_visible<I: Integrator>(table: &I, from: RayPoint, to: RayPoint) -> f64 {
-    let share = table.transparent_share(from.scalar, to.scalar);
+    let share = table.exact().transparent_share(from.scalar, to.scalar);
     if share < 1.0 { from.depth + share * (to.depth - from.depth) } else { f64::INFINITY }
 }

@@ -415,12 +415,8 @@ impl Integrator for ExactTable {
         pieces.count
     }
 
-    fn transparent_share(&self, s0: f64, s1: f64) -> f64 {
-        self.transparent_share(s0, s1)
-    }
-
-    fn is_transparent(&self) -> bool {
-        self.is_transparent()
+    fn exact(&self) -> &ExactTable {
+        self
     }
 
     #[inline(always)]

@@ -44,7 +44,7 @@ impl TileJob {
 
 /// Whether nothing is visible in a job with this transfer function, or the job is cancelled.
 fn is_transparent(job: &RenderJob, table: &OpticsTable) -> bool {
-    let cells_are_transparent = table.is_transparent() && job.surfaces.is_none() || job.active.count() == 0;
+    let cells_are_transparent = table.exact().is_transparent() && job.surfaces.is_none() || job.active.count() == 0;
     cells_are_transparent && job.fragments.is_none() || job.cancel.is_cancelled()
 }
 

@@ -304,7 +304,7 @@ pub(in crate::render) enum VolumeRay {
 impl<'a> VolumeMedium<'a> {
     pub(in crate::render) fn new(table: &'a OpticsTable) -> Self {
         match table {
-            _ if table.is_transparent() => Self::Transparent,
+            _ if table.exact().is_transparent() => Self::Transparent,
             OpticsTable::Exact(table) => Self::Exact(ScalarMedium(&**table)),
             OpticsTable::Table3d(table) => Self::Table3d(ScalarMedium(&**table)),
             OpticsTable::Partial(table) => Self::Partial(ScalarMedium(&**table)),
