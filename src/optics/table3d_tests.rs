@@ -1,7 +1,6 @@
 //! The pre-integrated table against closed forms and the exact integrator.
 
 use super::*;
-use crate::optics::exact::ExactRay;
 
 const SMALL: Table3dResolution = Table3dResolution { scalars: 33, lengths: 9 };
 
@@ -256,9 +255,8 @@ fn visibility_is_that_of_the_transfer_function() {
     for (s0, s1) in [(0.09, 0.098), (0.0, 0.2), (0.5, 0.0), (0.115, 0.3)] {
         assert_eq!(table.exact().transparent_share(s0, s1), exact.transparent_share(s0, s1));
     }
-    // The trait's exact integrator is the exact integrator.
     let mut light = Accumulator::TRANSPARENT;
-    ExactRay::enter(&exact, 0.0).segment(&exact, 0.0, 0.2, 0.3, &mut light);
+    exact.segment(&mut exact.enter(0.0), 0.0, 0.2, 0.3, &mut light);
     assert_eq!(light.pixel(), pixel(&exact, 0.0, 0.2, 0.3));
 }
 
