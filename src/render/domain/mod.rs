@@ -150,9 +150,7 @@ pub(crate) struct DomainScene<'a> {
 impl DomainScene<'_> {
     /// View coordinates of a vertex.
     fn in_view(&self, vertex: u32) -> DVec3 {
-        let View { eye, right, up, forward, .. } = *self.view;
-        let from_eye = self.mesh.positions.local[vertex as usize].as_dvec3() - eye;
-        DVec3::new(right.dot(from_eye), up.dot(from_eye), forward.dot(from_eye))
+        self.view.to_view(self.mesh.positions.local[vertex as usize].as_dvec3())
     }
 
     fn scalar(&self, vertex: u32) -> f64 {
