@@ -74,7 +74,7 @@ trait RenderTiles {
 
     fn render_with<L: Layers>(&mut self, job: &Self::Job, layers: &L, budget: Duration, frame: &mut Frame) -> bool {
         let TileJob { job: of, view, table } = Self::tile_job(job);
-        let joint = of.joint.as_ref().map(|scene| JointMedium::new(scene, &of.mesh));
+        let joint = of.joint.as_ref().map(|scene| JointMedium { scene, scale: of.mesh.positions.scale });
         if let Some(surfaces) = &of.surfaces {
             return match joint {
                 Some(joint) => {
