@@ -107,12 +107,8 @@ impl TileOrder {
                 met: [0; TILE_PX],
             }));
         }
-        let by_cost = |turn: &TileTurn| (std::cmp::Reverse(turn.nanos), turn.tile);
-        if costly_first {
-            self.turns.par_sort_unstable_by_key(by_cost);
-        } else {
-            self.turns.par_sort_unstable_by_key(|turn| turn.tile);
-        }
+        let cost = |turn: &TileTurn| if costly_first { turn.nanos } else { 0 };
+        self.turns.par_sort_unstable_by_key(|turn| (std::cmp::Reverse(cost(turn)), turn.tile));
         self.places.resize(grid.tile_count(), 0);
         for (place, turn) in (0..).zip(&self.turns) {
             self.places[turn.tile as usize] = place;
