@@ -117,14 +117,20 @@ impl DomainFaces {
     }
 
     /// The fragments of a surface in a view (local coordinates), each with its pixel's index in the plane.
-    pub(crate) fn fragments(&self, surface: &DomainSurface, scene: &DomainScene<'_>) -> Vec<(u32, LayerFragment)> {
+    pub(crate) fn fragments(&self, surface: &DomainSurface, scene: &DomainScene<'_>) -> Fragments {
+        let of_edge = |edge: &[u32; 2]| lines::fragments(*edge, surface, scene);
         match surface.style {
-            DomainStyle::Solid => faces::fragments(&self.faces, surface, scene),
-            DomainStyle::Wireframe => lines::fragments(&self.edges, surface, scene),
-            DomainStyle::Edges => lines::fragments(&self.turns, surface, scene),
+            DomainStyle::Solid => {
+                self.faces.par_iter().flat_map_iter(|face| faces::fragments(*face, surface, scene)).collect()
+            }
+            DomainStyle::Wireframe => self.edges.par_iter().flat_map_iter(of_edge).collect(),
+            DomainStyle::Edges => self.turns.par_iter().flat_map_iter(of_edge).collect(),
         }
     }
 }
+
+/// Fragments, each with its pixel's index in the plane.
+type Fragments = Vec<(u32, LayerFragment)>;
 
 /// The outward unit normal of a face; 0 if the face is degenerate.
 fn outward(mesh: &Mesh, face: [u32; 3], cell: u32) -> DVec3 {
