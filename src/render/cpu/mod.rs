@@ -14,7 +14,7 @@ use super::joint::JointMedium;
 use super::layers::{JobLayers, Layers, NoLayers};
 use super::medium::{Medium, ScalarMedium};
 use super::surfaces::medium::{SurfaceMedium, VolumeMedium};
-use super::{Frame, OpticsTable, OpticsTables, RenderJob};
+use super::{Frame, LayerRenderer, OpticsTable, OpticsTables, RenderJob};
 use crate::camera::View;
 use crate::optics::Accumulator;
 pub use place::{Placed, Placer};
@@ -49,9 +49,7 @@ fn is_transparent(job: &RenderJob, table: &OpticsTable) -> bool {
 }
 
 /// A tile renderer, compiled for each medium, and for frames with and without other layers.
-trait RenderTiles {
-    type Job;
-
+trait RenderTiles: LayerRenderer {
     fn tile_job(job: &Self::Job) -> &TileJob;
 
     /// Renders tiles of a job for about `budget`; true if those were the last.
