@@ -9,7 +9,7 @@ mod lines;
 mod text;
 
 use super::layers::LayerFragment;
-use super::surfaces::{Normals, SurfaceShading};
+use super::surfaces::{Normals, SurfaceShading, brightness};
 use crate::camera::View;
 use crate::mesh::{Mesh, NONE, Plane};
 use crate::node_table::NodeTable;
@@ -42,13 +42,8 @@ pub struct DomainSurface {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub color: Option<[f64; 3]>,
     /// Opacity, 0..=1.
-    #[serde(default = "opaque")]
+    #[serde(default = "super::surfaces::opaque")]
     pub opacity: f64,
-}
-
-/// Default if the field is missing.
-fn opaque() -> f64 {
-    1.0
 }
 
 /// Checks that colours and opacities are in range.
@@ -185,18 +180,10 @@ impl DomainScene<'_> {
     /// The cosine between a normal (view coordinates), turned towards the eye at a point, and the light; 1 without a normal.
     fn light_on(&self, normal: DVec3, at: DVec3) -> f64 {
         let View { right, up, forward, perspective, .. } = *self.view;
-        let along = if perspective { at } else { DVec3::Z };
-        let (Some(normal), Some(along)) = (normal.try_normalize(), along.try_normalize()) else { return 1.0 };
         if self.shading.normals == Normals::None {
             return 1.0;
         }
-        let facing = -normal.dot(along);
-        match self.shading.towards_light() {
-            None => facing.abs(),
-            Some(light) => {
-                let in_view = DVec3::new(right.dot(light), up.dot(light), forward.dot(light));
-                (normal.dot(in_view) * facing.signum()).max(0.0)
-            }
-        }
+        let in_view = |light| DVec3::new(right.dot(light), up.dot(light), forward.dot(light));
+        brightness(normal, if perspective { at } else { DVec3::Z }, self.shading.towards_light().map(in_view))
     }
 }
