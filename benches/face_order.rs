@@ -56,7 +56,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let ranking = Arc::new(Ranking::by_strata(topology, &scalars));
     let all = Arc::new(CellSet::all(topology.tets.len()));
-    let (mut selector, mut order) = (Selector::new(), DepthOrder::new());
+    let (mut selector, mut order) = (Selector::default(), DepthOrder::default());
     let whole = selector.select(&mesh, &ranking, 1.0, &all);
     let mut words = Vec::new();
     by_words(&mut words, 0);
@@ -67,7 +67,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     measure("keys and par_sort_unstable of (key, id)", |round| by_words(&mut words, round));
     for fraction in [1.0, 0.5, 0.1] {
         let part = selector.select(&mesh, &ranking, fraction, &all);
-        measure(&format!("depth order, another direction, {} faces", part.count()), |round| {
+        measure(&format!("depth order, another direction, {} faces", part.faces.count()), |round| {
             black_box(order.order(&mesh, direction(round), &part, &Cancel::new()));
         });
     }

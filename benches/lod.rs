@@ -90,7 +90,7 @@ impl Scene {
 
 fn image(job: &RenderJob, ranking: &Ranking, level: f64) -> Outcome<Pixels> {
     let selection = Arc::new(select(&job.mesh.topology, ranking, level, &job.active));
-    let faces = DepthOrder::new().order(&job.mesh, job.view.forward, &selection, &job.cancel);
+    let faces = DepthOrder::default().order(&job.mesh, job.view.forward, &selection, &job.cancel);
     Ok(Havs::new().render(RenderJob { faces, ..job.clone() })?.planes.color.pixels.clone())
 }
 

@@ -78,9 +78,9 @@ impl Jet {
     pub fn job_of_faces(&self, tf: &str, pixels: usize, share: f64) -> Result<RenderJob, Box<dyn Error>> {
         let job = self.job(tf, pixels)?;
         let ranking = Arc::new(Ranking::by_hash(&self.mesh.topology));
-        let selection = Selector::new().select(&self.mesh, &ranking, share, &job.active);
+        let selection = Selector::default().select(&self.mesh, &ranking, share, &job.active);
         let drawn: Option<Arc<DrawnFaces>> =
-            DepthOrder::new().order(&self.mesh, job.view.forward, &selection, &Cancel::new());
+            DepthOrder::default().order(&self.mesh, job.view.forward, &selection, &Cancel::new());
         Ok(RenderJob { faces: Some(drawn.ok_or("cancelled")?), ..job })
     }
 }

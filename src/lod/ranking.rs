@@ -1,7 +1,7 @@
 //! Interior faces in the order in which they are drawn as the level of detail rises.
 
 use crate::mesh::{NONE, Topology};
-use crate::visibility::{FaceSelection, ascending_bits};
+use crate::visibility::{IdSet, ascending_bits};
 use rayon::prelude::*;
 
 /// The interior faces of a mesh, each once, most important first.
@@ -115,9 +115,8 @@ pub fn list_change(a: &Ranking, b: &Ranking, fraction: f64) -> f64 {
     if count == 0 {
         return 0.0;
     }
-    let mut drawn = FaceSelection::default();
-    drawn.clear(a.face_count);
-    a.faces[..count].iter().for_each(|&face| drawn.insert(face));
+    let mut drawn = IdSet::none(a.face_count);
+    a.faces[..count].iter().for_each(|&face| drawn.set(face, true));
     let others = b.faces[..count].iter().filter(|&&face| !drawn.contains(face)).count();
     others as f64 / count as f64
 }

@@ -4,7 +4,7 @@ use super::Ranking;
 use super::ranking::share;
 use crate::mesh::{Mesh, Topology};
 use crate::slowdown::{Slow, waste};
-use crate::visibility::{CellSet, FaceSelection, Pool};
+use crate::visibility::{CellSet, FaceSelection, IdSet, Pool};
 use std::sync::Arc;
 
 /// The faces drawn at level of detail `fraction` (0 to 1; NaN counts as 1): of those between two active cells, this fraction (rounded), in
@@ -26,8 +26,8 @@ pub fn select(topology: &Topology, ranking: &Ranking, fraction: f64, active: &Ce
 /// The faces of the active cells.
 #[derive(Debug, Default)]
 struct Parts {
-    surface: FaceSelection,
-    inner: FaceSelection,
+    surface: IdSet,
+    inner: IdSet,
     inner_count: usize,
     all_active: bool,
 }
@@ -43,20 +43,20 @@ impl Parts {
     fn choose(&self, ranking: &Ranking, fraction: f64, out: &mut FaceSelection) {
         assert_eq!(ranking.universe(), self.inner.universe(), "a ranking of this mesh");
         let mut left = share(fraction, self.inner_count);
-        out.copy_from(&self.surface);
+        out.faces.copy_from(&self.surface);
         out.is_complete = left == self.inner_count;
         if out.is_complete {
-            out.insert_all(&self.inner);
+            out.faces.insert_all(&self.inner);
         } else if self.all_active {
             // All interior faces lie between active cells.
-            ranking.faces()[..left].iter().for_each(|&face| out.insert(face));
+            ranking.faces()[..left].iter().for_each(|&face| out.faces.set(face, true));
         } else {
             for &face in ranking.faces() {
                 if left == 0 {
                     break;
                 }
                 if self.inner.contains(face) {
-                    out.insert(face);
+                    out.faces.set(face, true);
                     left -= 1;
                 }
             }
@@ -75,11 +75,6 @@ pub struct Selector {
 }
 
 impl Selector {
-    /// Nothing is selected yet.
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// The faces to draw; the same [`Arc`] as before if nothing has changed.
     ///
     /// # Panics

@@ -76,12 +76,8 @@ pub trait Integrator: Sync {
         pieces
     }
 
-    /// The share (0..=1) of a segment from scalar `s0` to `s1` before its first piece with extinction; 1 if there is none.
-    /// By the transfer function itself, whatever the integration method.
-    fn transparent_share(&self, s0: f64, s1: f64) -> f64;
-
-    /// Whether no scalar has extinction.
-    fn is_transparent(&self) -> bool;
+    /// The transfer function itself, whatever the integration method: where it is transparent.
+    fn exact(&self) -> &exact::ExactTable;
 
     /// The table of the exact integrator, if this is one.
     #[inline(always)]

@@ -312,12 +312,8 @@ impl Integrator for PartialTable {
         }
     }
 
-    fn transparent_share(&self, s0: f64, s1: f64) -> f64 {
-        self.exact.transparent_share(s0, s1)
-    }
-
-    fn is_transparent(&self) -> bool {
-        self.exact.is_transparent()
+    fn exact(&self) -> &ExactTable {
+        &self.exact
     }
 }
 

@@ -299,12 +299,12 @@ fn without_extinction_on_the_way_there_is_nothing_to_be_seen() {
     let mut light = Accumulator::TRANSPARENT;
     for (s0, s1) in [(-1.0, 0.5), (0.5, -1.0), (0.1, 0.4), (0.9, 3.0), (2.0, 0.9), (0.0, 0.0), (0.5, 0.5), (0.9, 0.9)] {
         assert_eq!(table.segment(&mut table.enter(s0), s0, s1, 5.0, &mut light), 0, "{s0} {s1}");
-        assert_eq!((light, table.transparent_share(s0, s1)), (Accumulator::TRANSPARENT, 1.0));
+        assert_eq!((light, table.exact().transparent_share(s0, s1)), (Accumulator::TRANSPARENT, 1.0));
     }
     assert_eq!(table.segment(&mut table.enter(0.4), 0.4, 0.6, 1.0, &mut light), 1);
-    assert!(!Integrator::is_transparent(&table) && table.transparent_share(0.4, 0.6) > 0.49);
+    assert!(!table.exact().is_transparent() && table.exact().transparent_share(0.4, 0.6) > 0.49);
     let transparent = PartialTable::new(&nodes(&[(0.0, [1.0; 3], 0.0)]), 1.0);
-    assert!(Integrator::is_transparent(&transparent));
+    assert!(transparent.exact().is_transparent());
 }
 
 #[test]

@@ -55,12 +55,12 @@ fn add_piece(rgb: &mut [f64; 3], depth: f64, (near, far): (&Node, &Node), (a0, r
 }
 
 /// The pieces of the segment between nodes: the table at both ends of each, as a limit from inside, and its share of the length.
-fn pieces(table: &NodeTable, s0: f64, s1: f64) -> Vec<(Node, Node, f64)> {
-    if s0 == s1 {
-        let node = table.eval(s0);
+pub(crate) fn pieces(table: &NodeTable, s0: f64, s1: f64) -> Vec<(Node, Node, f64)> {
+    let (lo, hi) = (s0.min(s1), s0.max(s1));
+    if lo == hi {
+        let node = table.eval(lo);
         return vec![(node, node, 1.0)];
     }
-    let (lo, hi) = (s0.min(s1), s0.max(s1));
     let inside = table.nodes().iter().map(|n| n.scalar).filter(|&s| s > lo && s < hi);
     let mut cuts: Vec<f64> = std::iter::once(lo).chain(inside).chain([hi]).collect();
     cuts.dedup();

@@ -320,12 +320,8 @@ impl Integrator for Table3d {
         self.segment_in_parts(s0, s1, length, out)
     }
 
-    fn transparent_share(&self, s0: f64, s1: f64) -> f64 {
-        self.exact.transparent_share(s0, s1)
-    }
-
-    fn is_transparent(&self) -> bool {
-        self.exact.is_transparent()
+    fn exact(&self) -> &ExactTable {
+        &self.exact
     }
 }
 

@@ -1,7 +1,6 @@
 //! The pre-integrated table against closed forms and the exact integrator.
 
 use super::*;
-use crate::optics::exact::ExactRay;
 
 const SMALL: Table3dResolution = Table3dResolution { scalars: 33, lengths: 9 };
 
@@ -131,11 +130,11 @@ fn short_segments_keep_relative_accuracy() {
 #[test]
 fn without_extinction_there_is_nothing_to_be_seen() {
     let table = build(&nodes(&[(0.0, [1.0; 3], 0.0), (1.0, [0.5; 3], 0.0)]), 1.0);
-    assert!(table.is_transparent());
+    assert!(table.exact().is_transparent());
     let mut light = Accumulator::TRANSPARENT;
     for (s0, s1) in [(0.2, 0.8), (-3.0, 5.0), (0.0, 0.0), (1.0, 1.0)] {
         assert_eq!(table.segment(&mut (), s0, s1, 0.5, &mut light), 0);
-        assert_eq!(table.transparent_share(s0, s1), 1.0);
+        assert_eq!(table.exact().transparent_share(s0, s1), 1.0);
     }
     assert_eq!(light, Accumulator::TRANSPARENT);
 }
@@ -243,7 +242,7 @@ fn the_number_of_threads_does_not_matter() {
 
 #[test]
 fn visibility_is_that_of_the_transfer_function() {
-    // A tent between two entries: the table leaks to both sides, [`Integrator::transparent_share`] does not.
+    // A tent between two entries: the table leaks to both sides, [`ExactTable::transparent_share`] does not.
     let tent = nodes(&[
         (-1.0, [1.0; 3], 0.0),
         (0.1, [1.0; 3], 0.0),
@@ -254,11 +253,10 @@ fn visibility_is_that_of_the_transfer_function() {
     let (table, exact) = (build(&tent, 1.0), ExactTable::new(&tent, 1.0));
     assert!(pixel(&table, 0.09, 0.098, 0.1)[3] > 0.0 && pixel(&exact, 0.09, 0.098, 0.1)[3] == 0.0);
     for (s0, s1) in [(0.09, 0.098), (0.0, 0.2), (0.5, 0.0), (0.115, 0.3)] {
-        assert_eq!(table.transparent_share(s0, s1), ExactTable::transparent_share(&exact, s0, s1));
+        assert_eq!(table.exact().transparent_share(s0, s1), exact.transparent_share(s0, s1));
     }
-    // The trait's exact integrator is the exact integrator.
     let mut light = Accumulator::TRANSPARENT;
-    ExactRay::enter(&exact, 0.0).segment(&exact, 0.0, 0.2, 0.3, &mut light);
+    exact.segment(&mut exact.enter(0.0), 0.0, 0.2, 0.3, &mut light);
     assert_eq!(light.pixel(), pixel(&exact, 0.0, 0.2, 0.3));
 }
 

@@ -1,9 +1,9 @@
 //! Mean transmittances against their integrals in f64, and as weights of pieces against the definition of a segment.
 
-use super::super::exact::{ExactRay, ExactTable};
+use super::super::exact::ExactTable;
 use super::super::quadrature::quadrature;
 use super::super::weights::{WEIGHED_AT_ONCE, weigh};
-use super::super::{Accumulator, PieceWeights, piece_weights};
+use super::super::{Accumulator, Integrator, PieceWeights, piece_weights};
 use super::*;
 use crate::node_table::{Node, NodeTable};
 use proptest::prelude::*;
@@ -163,7 +163,7 @@ proptest! {
         let s1 = s0 + rise;
         let truth = quadrature(&table, s0, s1, length, 0.5);
         let mut light = Accumulator::TRANSPARENT;
-        let pieces = ExactRay::enter(&exact, s0).segment(&exact, s0, s1, length, &mut light);
+        let pieces = exact.segment(&mut exact.enter(s0), s0, s1, length, &mut light);
         // Each piece has weights that are off by 4e-7 of what shines through in front of it, and its ends' depths are rounded three times
         // (2e-7 of a depth x changes what shines through, x exp(-x) < 0.37 of it): 5e-7 a piece, and at most a dozen.
         let error = light.pixel().iter().zip(truth).map(|(f, t)| (f64::from(*f) - t).abs()).fold(0.0, f64::max);

@@ -63,16 +63,9 @@ impl JointScene {
 
 /// A [`JointScene`] as a medium.
 pub(super) struct JointMedium<'a> {
-    scene: &'a JointScene,
-    /// World length per local unit of length.
-    scale: f64,
-}
-
-impl<'a> JointMedium<'a> {
-    /// The medium for rays in local coordinates of the mesh.
-    pub(super) fn new(scene: &'a JointScene, mesh: &Mesh) -> Self {
-        Self { scene, scale: mesh.positions.scale }
-    }
+    pub(super) scene: &'a JointScene,
+    /// World length per unit of a ray's length.
+    pub(super) scale: f64,
 }
 
 impl Medium for JointMedium<'_> {

@@ -59,18 +59,6 @@ impl Segment {
         Self::new(cell, [from.depth, to.depth], [from.scalar, to.scalar], [0.0; 2], line)
     }
 
-    /// The near end of the part.
-    #[inline(always)]
-    fn part_start(&self) -> RayPoint {
-        RayPoint { depth: self.part[0], scalar: self.part_scalar[0] }
-    }
-
-    /// The far end of the part.
-    #[inline(always)]
-    fn part_end(&self) -> RayPoint {
-        RayPoint { depth: self.part[1], scalar: self.part_scalar[1] }
-    }
-
     /// The scalar at a depth.
     #[inline(always)]
     pub(in crate::render) fn scalar_at(&self, depth: f64) -> f64 {
@@ -196,7 +184,8 @@ impl<I: Integrator> Medium for ScalarMedium<'_, I> {
         let place = place.get_or_insert_with(|| self.0.enter(from));
         let pieces = self.0.segment(place, from, to, segment.length(), light) as u32;
         if pieces > 0 && light.visible_from == f64::INFINITY {
-            light.visible_from = first_visible(self.0, segment.part_start(), segment.part_end());
+            let [near, far] = [0, 1].map(|end| RayPoint { depth: segment.part[end], scalar: segment.part_scalar[end] });
+            light.visible_from = first_visible(self.0, near, far);
         }
         pieces
     }
@@ -230,6 +219,6 @@ impl<I: Integrator> Medium for ScalarMedium<'_, I> {
 #[cold]
 #[inline(never)]
 pub(in crate::render) fn first_visible<I: Integrator>(table: &I, from: RayPoint, to: RayPoint) -> f64 {
-    let share = table.transparent_share(from.scalar, to.scalar);
+    let share = table.exact().transparent_share(from.scalar, to.scalar);
     if share < 1.0 { from.depth + share * (to.depth - from.depth) } else { f64::INFINITY }
 }

@@ -22,22 +22,12 @@ pub enum OpticsTable {
 }
 
 impl OpticsTable {
-    /// Compares by pointer, not by content.
-    pub fn is_same(&self, other: &Self) -> bool {
-        match (self, other) {
-            (Self::Exact(a), Self::Exact(b)) => Arc::ptr_eq(a, b),
-            (Self::Table3d(a), Self::Table3d(b)) => Arc::ptr_eq(a, b),
-            (Self::Partial(a), Self::Partial(b)) => Arc::ptr_eq(a, b),
-            _ => false,
-        }
-    }
-
-    /// Whether no scalar has extinction.
-    pub fn is_transparent(&self) -> bool {
+    /// The transfer function itself, whatever the optics.
+    pub fn exact(&self) -> &ExactTable {
         match self {
-            Self::Exact(table) => table.is_transparent(),
-            Self::Table3d(table) => table.is_transparent(),
-            Self::Partial(table) => Integrator::is_transparent(&**table),
+            Self::Exact(table) => table,
+            Self::Table3d(table) => table.exact(),
+            Self::Partial(table) => table.exact(),
         }
     }
 }
@@ -63,32 +53,22 @@ impl PreparedOptics {
     }
 }
 
-/// Cache of the last job's table, which depends on transfer function, optics and mesh, not on step or view.
+/// Cache of the last tables, which depend on transfer function, optics and mesh, not on step or view.
 #[derive(Debug, Default)]
 pub struct OpticsTables {
     resolution: Table3dResolution,
     longest_edge: Option<(Arc<Mesh>, f64)>,
-    last: Option<Kept>,
-    /// The last pre-integrated table, updated where the transfer function changes.
-    pre_integrated: Option<PreIntegrated>,
+    /// The last table for each [`OpticsKind`]; the pre-integrated one is updated where the transfer function changes.
+    last: [Option<Kept>; OpticsKind::ALL.len()],
     entries_built: u64,
 }
 
 #[derive(Debug)]
 struct Kept {
     of: Arc<NodeTable>,
-    optics: OpticsKind,
     scale: f64,
     longest_edge: f64,
     table: OpticsTable,
-}
-
-#[derive(Debug)]
-struct PreIntegrated {
-    of: Arc<NodeTable>,
-    scale: f64,
-    longest_edge: f64,
-    table: Arc<Table3d>,
 }
 
 impl OpticsTables {
@@ -115,39 +95,29 @@ impl OpticsTables {
         }
         let scale = job.mesh.positions.scale;
         let longest_edge = if job.optics == OpticsKind::Table3d { self.longest_edge(&job.mesh) } else { 0.0 };
-        let is_same = |k: &&Kept| {
-            Arc::ptr_eq(&k.of, &job.table) && (k.optics, k.scale, k.longest_edge) == (job.optics, scale, longest_edge)
-        };
-        if let Some(kept) = self.last.as_ref().filter(is_same) {
-            return kept.table.clone();
+        let last = &mut self.last[job.optics as usize];
+        let fitting = last.as_ref().filter(|last| (last.scale, last.longest_edge) == (scale, longest_edge));
+        if let Some(last) = fitting.filter(|last| Arc::ptr_eq(&last.of, &job.table)) {
+            return last.table.clone();
         }
         let table = match job.optics {
             OpticsKind::Exact => OpticsTable::Exact(Arc::new(ExactTable::new(&job.table, scale))),
             OpticsKind::Partial => OpticsTable::Partial(Arc::new(PartialTable::new(&job.table, scale))),
-            OpticsKind::Table3d => OpticsTable::Table3d(self.pre_integrated(job, scale, longest_edge)),
+            OpticsKind::Table3d => {
+                let last = fitting.and_then(|last| match &last.table {
+                    OpticsTable::Table3d(table) => Some(&**table),
+                    _ => None,
+                });
+                let (range, resolution) = (Table3d::range_of(&job.table), self.resolution);
+                let table = Table3d::changed(last, &job.table, range, longest_edge, scale, resolution, &job.cancel);
+                OpticsTable::Table3d(Arc::new(table))
+            }
         };
         if !job.cancel.is_cancelled() {
-            let (of, optics, table) = (job.table.clone(), job.optics, table.clone());
-            self.last = Some(Kept { of, optics, scale, longest_edge, table });
-        }
-        table
-    }
-
-    /// A pre-integrated table: the last one with the changed entries recomputed.
-    fn pre_integrated(&mut self, job: &RenderJob, scale: f64, longest_edge: f64) -> Arc<Table3d> {
-        let fits = |last: &&PreIntegrated| (last.scale, last.longest_edge) == (scale, longest_edge);
-        let last = self.pre_integrated.as_ref().filter(fits);
-        if let Some(last) = last.filter(|last| Arc::ptr_eq(&last.of, &job.table)) {
-            return last.table.clone();
-        }
-        let last = last.map(|last| &*last.table);
-        let range = Table3d::range_of(&job.table);
-        let table = Table3d::changed(last, &job.table, range, longest_edge, scale, self.resolution, &job.cancel);
-        let table = Arc::new(table);
-        if !job.cancel.is_cancelled() {
-            self.entries_built += table.entries_built() as u64;
-            let (of, table) = (job.table.clone(), table.clone());
-            self.pre_integrated = Some(PreIntegrated { of, scale, longest_edge, table });
+            if let OpticsTable::Table3d(table) = &table {
+                self.entries_built += table.entries_built() as u64;
+            }
+            *last = Some(Kept { of: job.table.clone(), scale, longest_edge, table: table.clone() });
         }
         table
     }
@@ -193,18 +163,23 @@ mod tests {
         Arc::new(NodeTable::new((0..=10).map(node).collect()).unwrap())
     }
 
+    /// Compares by pointer, not by content.
+    fn is_same(a: &OpticsTable, b: &OpticsTable) -> bool {
+        std::ptr::eq(a.exact(), b.exact())
+    }
+
     #[test]
     fn a_table_is_kept_until_something_changes_that_it_depends_on() {
         for optics in OpticsKind::ALL {
             let mut tables = OpticsTables::of_resolution(SMALL);
             let first = job(optics);
             let made = tables.get(&first);
-            assert!(tables.get(&first).is_same(&made), "{optics}");
+            assert!(is_same(&tables.get(&first), &made), "{optics}");
             // A new step or view keeps the table.
             let moved = RenderJob { scalars: Arc::new(vec![1.0; first.scalars.len()]), ..first.clone() };
-            assert!(tables.get(&moved).is_same(&made), "{optics}");
+            assert!(is_same(&tables.get(&moved), &made), "{optics}");
             let alike = RenderJob { table: ramp(2.0), ..first.clone() };
-            assert!(!tables.get(&alike).is_same(&made), "{optics}");
+            assert!(!is_same(&tables.get(&alike), &made), "{optics}");
         }
     }
 
@@ -240,16 +215,16 @@ mod tests {
             let prepared = stage.prepare(&job);
             job.prepared = Some(prepared.clone());
             let mut renderer = OpticsTables::of_resolution(SMALL);
-            assert!(renderer.get(&job).is_same(&prepared.table), "{optics}");
+            assert!(is_same(&renderer.get(&job), &prepared.table), "{optics}");
             assert_eq!(renderer.entries_built(), 0, "{optics}");
             let other = RenderJob { table: ramp(3.0), ..job.clone() };
-            assert!(!renderer.get(&other).is_same(&prepared.table), "{optics}");
+            assert!(!is_same(&renderer.get(&other), &prepared.table), "{optics}");
             for other in OpticsKind::ALL.into_iter().filter(|other| *other != optics) {
                 let other = RenderJob { optics: other, ..job.clone() };
-                assert!(!renderer.get(&other).is_same(&prepared.table), "{optics}");
+                assert!(!is_same(&renderer.get(&other), &prepared.table), "{optics}");
             }
             let finer = Table3dResolution { scalars: 18, ..SMALL };
-            let is_own = OpticsTables::of_resolution(finer).get(&job).is_same(&prepared.table);
+            let is_own = is_same(&OpticsTables::of_resolution(finer).get(&job), &prepared.table);
             assert_eq!(is_own, optics != OpticsKind::Table3d);
         }
     }

@@ -144,10 +144,7 @@ impl Ray {
     /// The cells on the ray from the front, without overlap and behind the near plane.
     fn chain(&self, job: &RenderJob) -> Vec<OnRay> {
         let view = &self.view;
-        let to_view = |v: u32| {
-            let d = job.mesh.positions.local[v as usize].as_dvec3() - view.eye;
-            DVec3::new(view.right.dot(d), view.up.dot(d), view.forward.dot(d))
-        };
+        let to_view = |v: u32| view.to_view(job.mesh.positions.local[v as usize].as_dvec3());
         let clipped = |number: u32| {
             let tet = job.mesh.topology.tets[number as usize];
             let cell = Cell::new(job, view, number, tet.map(to_view))?;

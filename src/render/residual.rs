@@ -42,8 +42,9 @@ impl Details {
     pub fn of(image: &RgbaImage) -> Self {
         let size_px = (image.width, image.height);
         let between = interpolated(&at_lattice(image), size_px);
-        let band = |band| Arc::new(lacking(image, &between, Self::rows_of(band, size_px)));
-        Self { size_px, bands: (0..Self::count(size_px)).into_par_iter().map(band).collect() }
+        let [exact, between] = [image, &between].map(|of| of.pixels.par_chunks((BAND_ROWS * image.width).max(1)));
+        let bands = exact.zip(between).map(|(exact, between)| Arc::new(lacking(exact, between)));
+        Self { size_px, bands: bands.collect() }
     }
 
     /// Number of bands of an image of this width and height.
@@ -139,9 +140,7 @@ impl Residual {
                 *square += differences.map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
             }
             pixels += of_band.len() as u64;
-            let details =
-                of_band.iter().zip(shown[1]).map(|(exact, between)| std::array::from_fn(|c| exact[c] - between[c]));
-            self.details.bands[band] = Arc::new(details.collect());
+            self.details.bands[band] = Arc::new(lacking(of_band, shown[1]));
             self.color.pixels[from..to].copy_from_slice(of_band);
         }
         let rmse = squares.map(|sum| if pixels == 0 { 0.0 } else { (sum / (4 * pixels) as f64).sqrt() });
@@ -185,11 +184,9 @@ fn mixed(a: f32, b: f32, share: f32) -> f32 {
     a * (1.0 - share) + b * share
 }
 
-/// Rows of one image minus those of another.
-fn lacking(image: &RgbaImage, between: &RgbaImage, rows: Range<usize>) -> Vec<[f32; 4]> {
-    let of_rows = rows.start * image.width..rows.end * image.width;
-    let pairs = image.pixels[of_rows.clone()].iter().zip(&between.pixels[of_rows]);
-    pairs.map(|(exact, between)| std::array::from_fn(|c| exact[c] - between[c])).collect()
+/// Pixels of one image minus those of another.
+fn lacking(exact: &[[f32; 4]], between: &[[f32; 4]]) -> Vec<[f32; 4]> {
+    exact.iter().zip(between).map(|(exact, between)| std::array::from_fn(|c| exact[c] - between[c])).collect()
 }
 
 /// For each pixel of a line the two lattice indices around it, and its fraction of the way from the first to the second.

@@ -15,16 +15,16 @@ pub enum ImageScale {
     /// One pixel: the image is only filtered.
     #[default]
     #[serde(rename = "1")]
-    Full,
+    Full = 1,
     /// Two.
     #[serde(rename = "1/2")]
-    Half,
+    Half = 2,
     /// Four.
     #[serde(rename = "1/4")]
-    Quarter,
+    Quarter = 4,
     /// Eight.
     #[serde(rename = "1/8")]
-    Eighth,
+    Eighth = 8,
 }
 
 words!(ImageScale, "there is no image scale", ["1" = Full, "1/2" = Half, "1/4" = Quarter, "1/8" = Eighth]);
@@ -32,12 +32,7 @@ words!(ImageScale, "there is no image scale", ["1" = Full, "1/2" = Half, "1/4" =
 impl ImageScale {
     /// Frame pixels per image pixel in each direction.
     pub fn factor(self) -> usize {
-        match self {
-            Self::Full => 1,
-            Self::Half => 2,
-            Self::Quarter => 4,
-            Self::Eighth => 8,
-        }
+        self as usize
     }
 }
 

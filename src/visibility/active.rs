@@ -10,6 +10,7 @@
 //! So a step in which few scalars change, or a table edited in one place, costs little, and a cluster in a transparent part of the mesh
 //! only costs a test of its labels.
 
+use super::id_set::fill_words;
 use super::moved::{Differences, WordRanges};
 use super::transparent::{HOLE, Label, TransparentIntervals, VISIBLE};
 use super::{CellSet, Clusters, Pool};
@@ -64,11 +65,6 @@ struct Last {
 }
 
 impl ActiveCells {
-    /// A finder without state.
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// Finds the cells that are visible where the table is not `transparent`; `None` if `cancel` was raised. `scalars`: one per vertex.
     /// `clusters`: those of the mesh. `known` goes with the transparent intervals: the label of each cluster of vertices whose scalars must
     /// not be read, as [`TransparentIntervals::label_of_range`] gives it, for a range that holds all of its scalars; empty for none.
@@ -242,17 +238,6 @@ impl Scene<'_> {
                 }
             }
         });
-    }
-}
-
-/// Sets all of `count` cells, or none.
-fn fill_words(words: &mut [u64], count: usize, members: bool) {
-    words.fill(if members { u64::MAX } else { 0 });
-    if let Some(last) = words.last_mut()
-        && members
-        && !count.is_multiple_of(64)
-    {
-        *last = (1 << (count % 64)) - 1;
     }
 }
 

@@ -69,7 +69,7 @@ proptest! {
         let keep = random.next();
         let mesh = kuhn_grid_of([9, 9, 9], |c| keep >> ((c[0] + 2 * c[1] + 5 * c[2]) % 64) & 3 != 0);
         let mesh = Arc::new(Mesh::build(jittered(mesh, random)).unwrap().0);
-        let mut cells = ActiveCells::new();
+        let mut cells = ActiveCells::default();
         let mut scalars = Arc::new(Vec::new());
         let mut table = random_table(random);
         for frame in 0..8 {
@@ -112,7 +112,7 @@ proptest! {
         let random = &mut Random::new(seed);
         let mesh = Arc::new(Mesh::build(jittered(kuhn_grid([12, 9, 9]), random)).unwrap().0);
         let clusters = clusters(&mesh);
-        let mut cells = ActiveCells::new();
+        let mut cells = ActiveCells::default();
         // Few distinct values, among them zeros of both signs and isovalues.
         let places = [-1.0, -0.5, -0.0, 0.0, 0.25, 0.5, 1.0, f32::MIN, f32::MAX];
         let value = |random: &mut Random| match random.below(50) {
@@ -147,7 +147,7 @@ fn an_isovalue_that_moves_costs_the_cells_near_it() {
     let mesh = large_mesh();
     let (scalars, clusters) = (slope(&mesh), clusters(&mesh));
     let nowhere = TransparentIntervals::of(&NodeTable::transparent());
-    let mut cells = ActiveCells::new();
+    let mut cells = ActiveCells::default();
     let mut update = |isovalue: f64| {
         let transparent = Arc::new(nowhere.cut_at(&[isovalue]));
         let found = cells.update(&mesh, &clusters, &scalars, (&transparent, &[]), false, &Cancel::new()).unwrap();
@@ -164,7 +164,7 @@ fn an_isovalue_that_moves_costs_the_cells_near_it() {
 #[test]
 fn only_clusters_in_which_something_changed_are_looked_at_again() {
     let (mesh, tent) = (large_mesh(), table(&[(0.5, 0.0), (0.8, 1.0), (0.9, 0.0)]));
-    let mut cells = ActiveCells::new();
+    let mut cells = ActiveCells::default();
     let total = mesh.topology.tets.len() as u64;
     let first = update(&mut cells, &mesh, &wave(&mesh, 8.0), &tent);
     assert!(first.classified > 0 && first.classified < total, "{} of {total}", first.classified);
@@ -189,7 +189,7 @@ fn only_clusters_in_which_something_changed_are_looked_at_again() {
 #[test]
 fn scalars_in_the_same_place_with_the_same_table_are_not_looked_at() {
     let (mesh, tent) = (large_mesh(), table(&[(0.5, 0.0), (0.8, 1.0), (0.9, 0.0)]));
-    let mut cells = ActiveCells::new();
+    let mut cells = ActiveCells::default();
     let scalars = wave(&mesh, 8.0);
     let first = update(&mut cells, &mesh, &scalars, &tent);
     let again = update(&mut cells, &mesh, &scalars, &tent);
@@ -203,7 +203,7 @@ fn scalars_in_the_same_place_with_the_same_table_are_not_looked_at() {
 #[test]
 fn a_table_without_clear_scalars_leaves_the_finite_cells_as_they_are() {
     let mesh = large_mesh();
-    let mut cells = ActiveCells::new();
+    let mut cells = ActiveCells::default();
     let dense = table(&[(0.0, 1.0)]);
     let found = update(&mut cells, &mesh, &wave(&mesh, 8.0), &dense);
     assert!(Arc::ptr_eq(&found.finite, &found.active));
@@ -220,7 +220,7 @@ fn chunks_whose_label_is_known_are_not_looked_at() {
     let range = |s: &[f32]| s.iter().fold((f32::MAX, f32::MIN), |(lo, hi), &s| (lo.min(s), hi.max(s)));
     let labels: Vec<_> =
         whole.chunks(Clusters::VERTICES).map(range).map(|(lo, hi)| transparent.label_of_range(lo, hi)).collect();
-    let mut cells = ActiveCells::new();
+    let mut cells = ActiveCells::default();
     let needed = clusters(&mesh).needed_scalars(&labels);
     let left_out = needed.iter().filter(|&&needed| !needed).count();
     // Cells on both sides of every chunk that is left out are transparent as well.
@@ -261,7 +261,7 @@ fn an_isovalue_moves_over_chunks_that_are_known_by_their_least_scalar() {
         }
     }
     assert!(partial != *whole);
-    let (partial, mut cells) = (Arc::new(partial), ActiveCells::new());
+    let (partial, mut cells) = (Arc::new(partial), ActiveCells::default());
     for transparent in &all {
         let found = cells
             .update(&mesh, &clusters, &partial, (transparent, &known(transparent)), false, &Cancel::new())
@@ -274,7 +274,7 @@ fn an_isovalue_moves_over_chunks_that_are_known_by_their_least_scalar() {
 #[test]
 fn a_cancelled_update_leaves_nothing_behind() {
     let (mesh, tent) = (large_mesh(), table(&[(0.5, 0.0), (0.8, 1.0), (0.9, 0.0)]));
-    let mut cells = ActiveCells::new();
+    let mut cells = ActiveCells::default();
     let (transparent, cancel) = (Arc::new(TransparentIntervals::of(&tent)), Cancel::new());
     cancel.cancel();
     assert!(cells.update(&mesh, &clusters(&mesh), &wave(&mesh, 8.0), (&transparent, &[]), false, &cancel).is_none());

@@ -33,7 +33,7 @@
 
 use super::parts::{CHUNK, fill_parts};
 use super::radix::RadixSort;
-use super::{DrawnFaces, FaceSelection, Pool};
+use super::{DrawnFaces, FaceSelection, IdSet, Pool};
 use crate::mesh::Mesh;
 use crate::slowdown::{Slow, waste};
 use crate::task::Cancel;
@@ -51,7 +51,7 @@ pub struct DepthOrder {
     /// Mesh and direction that `sorted` belongs to.
     state: Option<(Arc<Mesh>, DVec3)>,
     /// The faces that are sorted.
-    pub(super) scope: FaceSelection,
+    pub(super) scope: IdSet,
     scope_count: usize,
     projections: Vec<f32>,
     /// The faces of `scope`, ascending by id, if they are not all faces.
@@ -67,11 +67,6 @@ pub struct DepthOrder {
 }
 
 impl DepthOrder {
-    /// Nothing is sorted yet.
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// Number of sorts.
     pub fn sorts(&self) -> u64 {
         self.sorts
@@ -94,7 +89,7 @@ impl DepthOrder {
         selection: &Arc<FaceSelection>,
         cancel: &Cancel,
     ) -> Option<Arc<DrawnFaces>> {
-        assert_eq!(selection.universe(), mesh.topology.faces.len(), "a selection of the faces of this mesh");
+        assert_eq!(selection.faces.universe(), mesh.topology.faces.len(), "a selection of the faces of this mesh");
         let is_known = self.state.as_ref().is_some_and(|(of, along)| Arc::ptr_eq(of, mesh) && *along == direction);
         if let Some((of, drawn)) = &self.last
             && is_known
@@ -104,14 +99,14 @@ impl DepthOrder {
             return Some(drawn.clone());
         }
         self.last = None;
-        if is_known && selection.is_within(&self.scope) {
+        if is_known && selection.faces.is_within(&self.scope) {
             self.skipped += 1;
         } else {
             self.state = None;
             if is_known {
-                self.scope.fill(selection.universe());
+                self.scope = IdSet::all(selection.faces.universe());
             } else {
-                self.scope.copy_from(selection);
+                self.scope.copy_from(&selection.faces);
             }
             self.sort(mesh, direction, cancel)?;
             self.state = Some((mesh.clone(), direction));
@@ -119,13 +114,13 @@ impl DepthOrder {
         }
         let Self { radix, ends, scope_count, .. } = self;
         let sorted = radix.sorted();
-        let is_all = selection.count() == *scope_count;
+        let is_all = selection.faces.count() == *scope_count;
         let drawn = self.pool.make(|drawn| {
             drawn.is_complete = selection.is_complete;
             if is_all {
                 copy(sorted, &mut drawn.faces);
             } else {
-                filter(sorted, selection, ends, &mut drawn.faces);
+                filter(sorted, &selection.faces, ends, &mut drawn.faces);
             }
         });
         self.last = Some((selection.clone(), drawn.clone()));
@@ -167,13 +162,13 @@ fn union([lo, hi]: [f32; 2], [a, b]: [f32; 2]) -> [f32; 2] {
 }
 
 /// The faces of a set, ascending by id.
-fn list(set: &FaceSelection, ends: &mut Vec<u32>, out: &mut Vec<u32>) {
+fn list(set: &IdSet, ends: &mut Vec<u32>, out: &mut Vec<u32>) {
     const WORDS: usize = CHUNK / 64;
-    let chunks = set.words.par_chunks(WORDS);
+    let chunks = set.words().par_chunks(WORDS);
     chunks.map(|words| words.iter().map(|word| word.count_ones()).sum()).collect_into_vec(ends);
     out.resize(accumulate(ends), 0);
     fill_parts(out, ends, &|chunk, part: &mut [u32]| {
-        let words = (WORDS * chunk..).zip(set.words[WORDS * chunk..].iter().take(WORDS));
+        let words = (WORDS * chunk..).zip(set.words()[WORDS * chunk..].iter().take(WORDS));
         let faces = words.flat_map(|(at, &word)| bits(word).map(move |bit| 64 * at as u32 + bit));
         part.iter_mut().zip(faces).for_each(|(slot, face)| *slot = face);
     });
@@ -195,7 +190,7 @@ fn copy(sorted: &[u32], out: &mut Vec<u32>) {
 }
 
 /// The faces of `sorted` that are in a set, in their order.
-fn filter(sorted: &[u32], set: &FaceSelection, ends: &mut Vec<u32>, out: &mut Vec<u32>) {
+fn filter(sorted: &[u32], set: &IdSet, ends: &mut Vec<u32>, out: &mut Vec<u32>) {
     let is_in = |face: &u32| u32::from(set.contains(*face));
     sorted.par_chunks(CHUNK).map(|faces| faces.iter().map(is_in).sum()).collect_into_vec(ends);
     out.resize(accumulate(ends), 0);

@@ -1,12 +1,12 @@
 //! Culling and order: which cells and faces a frame needs, and faces by depth.
 
 mod active;
-mod cell_set;
 mod clusters;
 mod cut_cells;
 mod depth_order;
 mod drawn_faces;
 mod face_selection;
+mod id_set;
 mod moved;
 #[cfg(test)]
 mod order_tests;
@@ -19,12 +19,12 @@ mod skip;
 mod transparent;
 
 pub use active::{ActiveCells, Activity};
-pub use cell_set::CellSet;
 pub use clusters::Clusters;
 pub use cut_cells::{CutCells, CutPlanes};
 pub use depth_order::DepthOrder;
 pub use drawn_faces::DrawnFaces;
 pub use face_selection::FaceSelection;
+pub use id_set::{CellSet, IdSet};
 pub use outside::NeededClusters;
 pub use part_cells::PartCells;
 pub use pool::Pool;

@@ -18,12 +18,10 @@ fn whole(mesh: &Mesh) -> Arc<FaceSelection> {
     some(mesh, |_| true)
 }
 
-fn some(mesh: &Mesh, is_in: impl Fn(u32) -> bool) -> Arc<FaceSelection> {
-    let mut selection = FaceSelection::default();
-    selection.clear(mesh.topology.faces.len());
-    (0..mesh.topology.faces.len() as u32).filter(|&face| is_in(face)).for_each(|face| selection.insert(face));
-    selection.is_complete = selection.count() == selection.universe();
-    Arc::new(selection)
+fn some(mesh: &Mesh, is_in: impl Fn(u32) -> bool + Sync) -> Arc<FaceSelection> {
+    let faces = IdSet::of(mesh.topology.faces.len(), |face| is_in(face as u32));
+    let is_complete = faces.count() == faces.universe();
+    Arc::new(FaceSelection { faces, is_complete })
 }
 
 /// Oracle: a stable sort by the depth of the centroid.
@@ -33,7 +31,8 @@ fn naive(mesh: &Mesh, direction: DVec3, selection: &FaceSelection) -> Vec<u32> {
         let [a, b, c] = mesh.topology.faces[face as usize].map(|v| depth[v as usize]);
         a + b + c
     };
-    let mut faces: Vec<u32> = (0..selection.universe() as u32).filter(|&face| selection.contains(face)).collect();
+    let mut faces: Vec<u32> =
+        (0..selection.faces.universe() as u32).filter(|&face| selection.faces.contains(face)).collect();
     // The standard library's sort is stable; +0 and -0 compare equal.
     faces.sort_by(|&a, &b| key(a).partial_cmp(&key(b)).unwrap());
     faces
@@ -54,7 +53,7 @@ proptest! {
     ) {
         let mesh = grid(n);
         let direction = DVec3::from_array(direction);
-        let mut depth_order = DepthOrder::new();
+        let mut depth_order = DepthOrder::default();
         let selection = some(&mesh, |face| face % 5 < keep);
         let drawn = order(&mut depth_order, &mesh, direction, &selection);
         prop_assert_eq!(&drawn.faces, &naive(&mesh, direction, &selection));
@@ -82,7 +81,7 @@ fn the_order_is_the_same_with_any_number_of_threads() {
     let run = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let mut depth_order = DepthOrder::new();
+            let mut depth_order = DepthOrder::default();
             let all = order(&mut depth_order, &mesh, direction, &whole(&mesh));
             (all, order(&mut depth_order, &mesh, direction, &part))
         })
@@ -106,7 +105,7 @@ fn faces_that_all_lie_in_one_bucket_are_sorted_too() {
     let far = raw.cells.tets[0];
     raw.cells.tets.push([far[0], far[1], far[2], last]);
     let mesh = Arc::new(Mesh::build(raw).unwrap().0);
-    let mut depth_order = DepthOrder::new();
+    let mut depth_order = DepthOrder::default();
     let drawn = order(&mut depth_order, &mesh, DVec3::X, &whole(&mesh));
     assert_eq!(drawn.faces, naive(&mesh, DVec3::X, &whole(&mesh)));
 }
@@ -114,7 +113,7 @@ fn faces_that_all_lie_in_one_bucket_are_sorted_too() {
 #[test]
 fn nothing_is_sorted_again_for_the_same_mesh_direction_and_faces() {
     let mesh = grid([3, 3, 3]);
-    let mut depth_order = DepthOrder::new();
+    let mut depth_order = DepthOrder::default();
     let all = whole(&mesh);
     let first = order(&mut depth_order, &mesh, DVec3::X, &all);
     let again = order(&mut depth_order, &mesh, DVec3::X, &Arc::new((*all).clone()));
@@ -131,7 +130,7 @@ fn nothing_is_sorted_again_for_the_same_mesh_direction_and_faces() {
 #[test]
 fn active_cells_that_change_cause_one_more_sort_for_a_direction() {
     let mesh = grid([3, 3, 3]);
-    let mut depth_order = DepthOrder::new();
+    let mut depth_order = DepthOrder::default();
     for step in 2..12 {
         let selection = some(&mesh, |face| face % step != 0);
         let drawn = order(&mut depth_order, &mesh, DVec3::NEG_Z, &selection);
@@ -143,10 +142,10 @@ fn active_cells_that_change_cause_one_more_sort_for_a_direction() {
 #[test]
 fn a_level_of_detail_sorts_its_faces_and_then_all_for_one_direction() {
     let mesh = grid([3, 3, 3]);
-    let mut depth_order = DepthOrder::new();
+    let mut depth_order = DepthOrder::default();
     let level = |keep: u32| some(&mesh, |face| face % 10 < keep);
     order(&mut depth_order, &mesh, DVec3::X, &level(5));
-    assert_eq!(depth_order.scope.count(), level(5).count(), "the time is linear in what is drawn");
+    assert_eq!(depth_order.scope.count(), level(5).faces.count(), "the time is linear in what is drawn");
     order(&mut depth_order, &mesh, DVec3::X, &level(3));
     assert_eq!(depth_order.sorts(), 1, "fewer are filtered");
     for keep in [6, 8, 10] {
@@ -158,7 +157,7 @@ fn a_level_of_detail_sorts_its_faces_and_then_all_for_one_direction() {
 #[test]
 fn memory_goes_round_unless_somebody_holds_it() {
     let mesh = grid([3, 3, 3]);
-    let mut depth_order = DepthOrder::new();
+    let mut depth_order = DepthOrder::default();
     let held = order(&mut depth_order, &mesh, DVec3::X, &whole(&mesh));
     let copy = (*held).clone();
     let places: std::collections::BTreeSet<usize> = (1..100)
@@ -174,7 +173,7 @@ fn memory_goes_round_unless_somebody_holds_it() {
 #[test]
 fn a_cancelled_order_is_none_and_the_next_one_is_right() {
     let mesh = grid([3, 3, 3]);
-    let mut depth_order = DepthOrder::new();
+    let mut depth_order = DepthOrder::default();
     let cancel = Cancel::new();
     cancel.cancel();
     assert_eq!(depth_order.order(&mesh, DVec3::X, &whole(&mesh), &cancel), None);
@@ -228,7 +227,7 @@ proptest! {
 #[test]
 fn no_face_is_an_order_too() {
     let mesh = grid([1, 1, 1]);
-    let mut depth_order = DepthOrder::new();
+    let mut depth_order = DepthOrder::default();
     assert!(order(&mut depth_order, &mesh, DVec3::X, &some(&mesh, |_| false)).faces.is_empty());
 }
 

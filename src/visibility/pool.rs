@@ -19,16 +19,10 @@ impl<T: Default> Pool<T> {
     /// Hands out a result filled by `fill`: one that nobody holds any more, or a new one.
     pub fn make(&mut self, fill: impl FnOnce(&mut T)) -> Arc<T> {
         let free = self.0.iter_mut().position(|one| Arc::get_mut(one).is_some());
-        let mut one = free.map(|at| self.0.remove(at)).unwrap_or_default();
-        match Arc::get_mut(&mut one) {
-            Some(unshared) => fill(unshared),
-            // A weak reference was upgraded between the two checks.
-            None => {
-                let mut new = T::default();
-                fill(&mut new);
-                one = Arc::new(new);
-            }
-        }
+        // Nothing if a weak reference was upgraded in between.
+        let mut one = free.and_then(|at| Arc::into_inner(self.0.remove(at))).unwrap_or_default();
+        fill(&mut one);
+        let one = Arc::new(one);
         if self.0.len() == Self::MOST {
             self.0.remove(0);
         }

@@ -34,23 +34,13 @@ type Switch = (&'static str, fn(&mut Skip) -> &mut bool);
 
 impl Skip {
     /// All switches on.
-    pub const ALL: Self = Self {
-        transparent_cells: true,
-        transparent_chunks: true,
-        opaque: true,
-        outside: true,
-        unchanged: true,
-        costly_first: true,
-    };
+    pub const ALL: Self = Self::same(true);
     /// All switches off: everything is done, every time.
-    pub const NONE: Self = Self {
-        transparent_cells: false,
-        transparent_chunks: false,
-        opaque: false,
-        outside: false,
-        unchanged: false,
-        costly_first: false,
-    };
+    pub const NONE: Self = Self::same(false);
+
+    const fn same(on: bool) -> Self {
+        Self { transparent_cells: on, transparent_chunks: on, opaque: on, outside: on, unchanged: on, costly_first: on }
+    }
 
     /// The switches by the names that [`FromStr`] reads.
     pub const SWITCHES: [Switch; 6] = [

@@ -42,7 +42,7 @@ impl TransparentIntervals {
             if at == 0 {
                 found.add(first.tau == 0.0, f64::NEG_INFINITY, first.scalar);
             }
-            found.add_point(is_transparent(nodes), first.scalar);
+            found.add(is_transparent(nodes), first.scalar, first.scalar);
             let (transparent, end) = match groups.get(at + 1) {
                 Some(next) => (last.tau == 0.0 && next[0].tau == 0.0, next[0].scalar),
                 None => (last.tau == 0.0, f64::INFINITY),
@@ -183,20 +183,12 @@ struct Found {
 }
 
 impl Found {
-    /// Adds an open piece.
+    /// Adds a piece without its ends, or, if both are equal, a single scalar.
     fn add(&mut self, transparent: bool, lo: f64, hi: f64) {
+        let is_in = lo == hi;
         match (&mut self.open, transparent) {
-            (Some(open), true) => (open.hi, open.hi_is_in) = (hi, false),
-            (None, true) => self.open = Some(Interval { lo, hi, lo_is_in: false, hi_is_in: false }),
-            (_, false) => self.done.extend(self.open.take()),
-        }
-    }
-
-    /// Adds a single scalar.
-    fn add_point(&mut self, transparent: bool, at: f64) {
-        match (&mut self.open, transparent) {
-            (Some(open), true) => (open.hi, open.hi_is_in) = (at, true),
-            (None, true) => self.open = Some(Interval { lo: at, hi: at, lo_is_in: true, hi_is_in: true }),
+            (Some(open), true) => (open.hi, open.hi_is_in) = (hi, is_in),
+            (None, true) => self.open = Some(Interval { lo, hi, lo_is_in: is_in, hi_is_in: is_in }),
             (_, false) => self.done.extend(self.open.take()),
         }
     }

@@ -22,7 +22,7 @@ use tetreel::stats::FrameStats;
 use tetreel::store::Store;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
-use tetreel::visibility::{CellSet, DepthOrder, FaceSelection, Skip};
+use tetreel::visibility::{CellSet, DepthOrder, FaceSelection, IdSet, Skip};
 
 /// The bound for renderers that sum in another order when something is left out: roundings of f32 sums below 1 (6e-8). Measured: none
 /// on the CPU, 1.1e-7 on a GPU.
@@ -382,14 +382,14 @@ fn a_spike_narrower_than_a_bin_of_any_table_is_drawn() {
 /// The faces of a selection in the order of their depths.
 fn drawn(job: &RenderJob, selection: FaceSelection, active: Arc<CellSet>) -> RgbaImage {
     let (selection, cancel) = (Arc::new(selection), Cancel::new());
-    let faces = DepthOrder::new().order(&job.mesh, job.view.forward, &selection, &cancel).unwrap();
+    let faces = DepthOrder::default().order(&job.mesh, job.view.forward, &selection, &cancel).unwrap();
     let job = RenderJob { faces: Some(faces), active, finite: None, ..job.clone() };
     Havs::new().render(job).unwrap().planes.color.clone()
 }
 
 /// Faces at which a set of cells ends, and faces between two of its cells.
 fn count_faces(topology: &Topology, cells: &CellSet) -> (usize, usize) {
-    let (mut surface, mut inner) = (FaceSelection::default(), FaceSelection::default());
+    let (mut surface, mut inner) = (IdSet::default(), IdSet::default());
     surface.set_boundary_of(cells, &topology.face_cells, &mut inner);
     (surface.count(), inner.count())
 }

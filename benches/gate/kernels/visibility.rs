@@ -15,8 +15,8 @@ use tetreel::visibility::{ActiveCells, CellSet, Clusters, DepthOrder, Transparen
 pub fn radix_sort(_: &Path) -> Result<Work, Box<dyn Error>> {
     let jet = Jet::new(30_000, &[])?;
     let all = Arc::new(CellSet::all(jet.cells()));
-    let selection = Selector::new().select(&jet.mesh, &Arc::new(Ranking::by_hash(&jet.mesh.topology)), 1.0, &all);
-    let mut order = DepthOrder::new();
+    let selection = Selector::default().select(&jet.mesh, &Arc::new(Ranking::by_hash(&jet.mesh.topology)), 1.0, &all);
+    let mut order = DepthOrder::default();
     Ok(Box::new(move || {
         for round in 0..4 {
             let angle = 0.7 + 0.4 * f64::from(round);
@@ -32,7 +32,7 @@ pub fn active_cells(_: &Path) -> Result<Work, Box<dyn Error>> {
     let jet = Jet::new(30_000, &[2, 5, 8])?;
     let transparent = Arc::new(TransparentIntervals::of(&*jet.table(TENTS)?));
     let clusters = Arc::new(Clusters::new(&jet.mesh));
-    let mut cells = ActiveCells::new();
+    let mut cells = ActiveCells::default();
     Ok(Box::new(move || {
         for scalars in jet.scalars.iter().cycle().take(30) {
             let found = cells.update(&jet.mesh, &clusters, scalars, (&transparent, &[]), false, &Cancel::new());
@@ -48,7 +48,7 @@ pub fn lod_selection(_: &Path) -> Result<Work, Box<dyn Error>> {
     let ranking = Arc::new(Ranking::by_hash(&jet.mesh.topology));
     let some: Vec<Arc<CellSet>> =
         (0..10).map(|round| Arc::new(CellSet::of(jet.cells(), |cell| (cell / 64 + round).is_multiple_of(3)))).collect();
-    let mut selector = Selector::new();
+    let mut selector = Selector::default();
     Ok(Box::new(move || {
         for active in &some {
             black_box(selector.select(&jet.mesh, &ranking, 0.5, active));

@@ -193,27 +193,10 @@ pub struct ExactRay {
 }
 
 impl ExactRay {
-    /// A ray that enters the volume at this scalar.
-    #[inline]
-    pub fn enter(table: &ExactTable, scalar: f64) -> Self {
-        let interval = table.interval_at(scalar);
-        Self::in_interval(&table.intervals, interval, scalar)
-    }
-
     #[inline]
     fn in_interval(intervals: &[Interval], interval: usize, scalar: f64) -> Self {
         let &Interval { transparent, .. } = &intervals[interval];
         Self { interval, transparent, here: intervals[interval].at(scalar) }
-    }
-
-    /// Composites a segment of length `length` (> 0) along which the scalar goes linearly from `s0` to `s1` (both finite).
-    /// `s0` is the scalar at which the ray entered or the `s1` of the segment before. Returns the number of pieces that
-    /// were integrated.
-    #[inline(always)]
-    pub fn segment(&mut self, table: &ExactTable, s0: f64, s1: f64, length: f64, out: &mut Accumulator) -> u64 {
-        let mut pieces = OneByOne { out, count: 0 };
-        self.split(table, s0, s1, length, &mut pieces);
-        pieces.count
     }
 
     /// Passes the pieces of a segment that have extinction to `into`.
@@ -389,12 +372,14 @@ impl Integrator for ExactTable {
 
     #[inline(always)]
     fn enter(&self, scalar: f64) -> ExactRay {
-        ExactRay::enter(self, scalar)
+        ExactRay::in_interval(&self.intervals, self.interval_at(scalar), scalar)
     }
 
     #[inline(always)]
     fn segment(&self, place: &mut ExactRay, s0: f64, s1: f64, length: f64, out: &mut Accumulator) -> u64 {
-        place.segment(self, s0, s1, length, out)
+        let mut pieces = OneByOne { out, count: 0 };
+        place.split(self, s0, s1, length, &mut pieces);
+        pieces.count
     }
 
     #[inline(always)]
@@ -415,12 +400,8 @@ impl Integrator for ExactTable {
         pieces.count
     }
 
-    fn transparent_share(&self, s0: f64, s1: f64) -> f64 {
-        self.transparent_share(s0, s1)
-    }
-
-    fn is_transparent(&self) -> bool {
-        self.is_transparent()
+    fn exact(&self) -> &ExactTable {
+        self
     }
 
     #[inline(always)]
@@ -465,19 +446,19 @@ mod tests {
             let table = ExactTable::new(&NodeTable::new((0..=100).map(|i| node(i, tau)).collect()).unwrap(), 1.0);
             for (from, to) in [(0.0, 100.0), (100.0, 0.0)] {
                 let (mut whole, mut in_parts) = (Accumulator::TRANSPARENT, Accumulator::TRANSPARENT);
-                let mut ray = ExactRay::enter(&table, from);
-                assert_eq!(ray.segment(&table, from, to, 100.0, &mut whole), expected, "{tau}");
+                let mut ray = table.enter(from);
+                assert_eq!(table.segment(&mut ray, from, to, 100.0, &mut whole), expected, "{tau}");
                 // The ray is where it would have come to: a segment behind has the light of a ray that begins there.
                 let (mut behind, mut new) = (Accumulator::TRANSPARENT, Accumulator::TRANSPARENT);
                 let back = 0.3 * from + 0.7 * to;
-                ray.segment(&table, to, back, 0.1, &mut behind);
-                ExactRay::enter(&table, to).segment(&table, to, back, 0.1, &mut new);
+                table.segment(&mut ray, to, back, 0.1, &mut behind);
+                table.segment(&mut table.enter(to), to, back, 0.1, &mut new);
                 assert_eq!(behind, new, "{tau}");
-                let mut ray = ExactRay::enter(&table, from);
+                let mut ray = table.enter(from);
                 let places = (1..=100).map(|i| if to > from { f64::from(i) } else { f64::from(100 - i) });
                 let pieces: u64 = places
                     .scan(from, |s, to| Some((std::mem::replace(s, to), to)))
-                    .map(|(s, to)| ray.segment(&table, s, to, 1.0, &mut in_parts))
+                    .map(|(s, to)| table.segment(&mut ray, s, to, 1.0, &mut in_parts))
                     .sum();
                 assert_eq!(pieces, of_all);
                 // The transmittance of a deep piece is the rounding of 1.
@@ -494,7 +475,7 @@ mod tests {
         for step in [0.01, 0.3, 9.0] {
             let along = along(step);
             let (mut one, mut all) = (Accumulator::TRANSPARENT, Accumulator::TRANSPARENT);
-            let (mut place, mut place_all) = (ExactRay::enter(&table, 4.0), ExactRay::enter(&table, 4.0));
+            let (mut place, mut place_all) = (table.enter(4.0), table.enter(4.0));
             let mut s0 = 4.0;
             for (i, some) in along.chunks(17).enumerate() {
                 let mut pieces = 0;
@@ -510,7 +491,7 @@ mod tests {
             // And a last bit more of one length would be seen.
             let mut other = Accumulator::TRANSPARENT;
             let longer = along.iter().map(|&(s, length)| (s, length * 1.000_001));
-            table.segments(&mut ExactRay::enter(&table, 4.0), 4.0, longer, &mut other);
+            table.segments(&mut table.enter(4.0), 4.0, longer, &mut other);
             assert_ne!(one, other);
         }
     }

@@ -12,7 +12,7 @@ use glam::Vec4;
 pub(crate) const AT_ONCE: usize = 8;
 
 /// The intervals of a table in the order in which a rising or a falling scalar traverses them.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct WholePieces {
     /// Scalars at the far ends, negated where scalars fall, so that they ascend.
     ends: Vec<f64>,
@@ -32,14 +32,8 @@ impl WholePieces {
         Self::of(intervals.iter().rev().map(|i| (-i.lo, [i.at_lo.0 + i.rise.0, i.at_lo.0], i)))
     }
 
-    fn of<'a>(pieces: impl ExactSizeIterator<Item = (f64, [Vec4; 2], &'a Interval)>) -> Self {
-        let room = pieces.len() + AT_ONCE;
-        let mut all = Self {
-            ends: Vec::with_capacity(room),
-            widths: Vec::with_capacity(room),
-            extinctions: [Vec::with_capacity(room), Vec::with_capacity(room)],
-            colors: Vec::with_capacity(pieces.len()),
-        };
+    fn of<'a>(pieces: impl Iterator<Item = (f64, [Vec4; 2], &'a Interval)>) -> Self {
+        let mut all = Self::default();
         for (end, values, interval) in pieces {
             all.ends.push(end);
             // The first and the last interval are infinite and never whole.
@@ -50,6 +44,7 @@ impl WholePieces {
             }
             all.colors.push(values.map(|value| value.with_w(1.0)));
         }
+        let room = all.ends.len() + AT_ONCE;
         all.ends.resize(room, f64::INFINITY);
         all.widths.resize(room, 0.0);
         all.extinctions.iter_mut().for_each(|extinctions| extinctions.resize(room, 0.0));

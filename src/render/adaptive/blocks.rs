@@ -22,7 +22,7 @@ const OF_ITS_OWN: u8 = CONTRAST | BORDER | REACHED;
 pub(super) struct Blocks {
     size: (usize, usize),
     stride: usize,
-    columns: usize,
+    pub(super) columns: usize,
     rows: usize,
     states: Vec<u8>,
 }
@@ -61,10 +61,6 @@ impl Blocks {
                 *state = u8::from(coarser.is_split((column / 2, row / 2)));
             }
         });
-    }
-
-    pub(super) fn columns(&self) -> usize {
-        self.columns
     }
 
     #[cfg(all(test, feature = "gpu"))]

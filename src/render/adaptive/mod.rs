@@ -186,7 +186,7 @@ impl Adaptive {
             color.copy_from_slice(&self.seen.planes.color.pixels[of_row.clone()]);
             depth.copy_from_slice(&self.seen.planes.depth.pixels[of_row]);
             let at = self.blocks[0].owner_of_row(row);
-            (0..self.blocks[0].columns()).for_each(|column| self.fill_block(0, (column, at), row, (color, depth)));
+            (0..self.blocks[0].columns).for_each(|column| self.fill_block(0, (column, at), row, (color, depth)));
         });
     }
 

@@ -14,7 +14,7 @@ use super::joint::JointMedium;
 use super::layers::{JobLayers, Layers, NoLayers};
 use super::medium::{Medium, ScalarMedium};
 use super::surfaces::medium::{SurfaceMedium, VolumeMedium};
-use super::{Frame, OpticsTable, OpticsTables, RenderJob};
+use super::{Frame, LayerRenderer, OpticsTable, OpticsTables, RenderJob};
 use crate::camera::View;
 use crate::optics::Accumulator;
 pub use place::{Placed, Placer};
@@ -44,14 +44,12 @@ impl TileJob {
 
 /// Whether nothing is visible in a job with this transfer function, or the job is cancelled.
 fn is_transparent(job: &RenderJob, table: &OpticsTable) -> bool {
-    let cells_are_transparent = table.is_transparent() && job.surfaces.is_none() || job.active.count() == 0;
+    let cells_are_transparent = table.exact().is_transparent() && job.surfaces.is_none() || job.active.count() == 0;
     cells_are_transparent && job.fragments.is_none() || job.cancel.is_cancelled()
 }
 
 /// A tile renderer, compiled for each medium, and for frames with and without other layers.
-trait RenderTiles {
-    type Job;
-
+trait RenderTiles: LayerRenderer {
     fn tile_job(job: &Self::Job) -> &TileJob;
 
     /// Renders tiles of a job for about `budget`; true if those were the last.
@@ -74,7 +72,7 @@ trait RenderTiles {
 
     fn render_with<L: Layers>(&mut self, job: &Self::Job, layers: &L, budget: Duration, frame: &mut Frame) -> bool {
         let TileJob { job: of, view, table } = Self::tile_job(job);
-        let joint = of.joint.as_ref().map(|scene| JointMedium::new(scene, &of.mesh));
+        let joint = of.joint.as_ref().map(|scene| JointMedium { scene, scale: of.mesh.positions.scale });
         if let Some(surfaces) = &of.surfaces {
             return match joint {
                 Some(joint) => {

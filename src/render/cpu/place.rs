@@ -15,6 +15,7 @@ pub struct Placed {
     mesh: Arc<Mesh>,
     scalars: Arc<Vec<f32>>,
     active: Arc<CellSet>,
+    faces: Option<Arc<DrawnFaces>>,
     view: View,
     in_view: InView,
 }
@@ -22,7 +23,7 @@ pub struct Placed {
 #[derive(Clone, Debug)]
 enum InView {
     Cells(CellsInView),
-    Faces(Arc<DrawnFaces>, Arc<FacesInView>),
+    Faces(Arc<FacesInView>),
 }
 
 impl Placed {
@@ -30,6 +31,7 @@ impl Placed {
         Arc::ptr_eq(&self.mesh, &job.mesh)
             && Arc::ptr_eq(&self.scalars, &job.scalars)
             && Arc::ptr_eq(&self.active, &job.active)
+            && self.faces.as_ref().map(Arc::as_ptr) == job.faces.as_ref().map(Arc::as_ptr)
             && self.view == job.view
     }
 
@@ -37,15 +39,15 @@ impl Placed {
     pub(super) fn cells(&self, job: &RenderJob) -> Option<CellsInView> {
         match &self.in_view {
             InView::Cells(cells) => self.is_of(job).then(|| cells.clone()),
-            InView::Faces(..) => None,
+            InView::Faces(_) => None,
         }
     }
 
-    /// The faces `drawn`, if they match the job.
-    pub(super) fn faces(&self, job: &RenderJob, drawn: &Arc<DrawnFaces>) -> Option<Arc<FacesInView>> {
+    /// The faces, if they match the job.
+    pub(super) fn faces(&self, job: &RenderJob) -> Option<Arc<FacesInView>> {
         match &self.in_view {
-            InView::Faces(of, faces) if Arc::ptr_eq(of, drawn) => self.is_of(job).then(|| faces.clone()),
-            InView::Faces(..) | InView::Cells(_) => None,
+            InView::Faces(faces) => self.is_of(job).then(|| faces.clone()),
+            InView::Cells(_) => None,
         }
     }
 }
@@ -66,19 +68,17 @@ impl Placer {
         }
         let view = job.local_view();
         let mut stats = std::mem::take(&mut job.stats);
-        let in_view = match job.faces.clone() {
+        let in_view = match job.faces {
             None => Some(InView::Cells(self.cells.place(job, &view, &mut stats))),
             // The renderer reports invalid faces.
-            Some(drawn) => {
-                let placed = self.faces.place(job, &view, &drawn, &mut stats);
-                placed.ok().map(|faces| InView::Faces(drawn, faces))
-            }
+            Some(_) => self.faces.place(job, &view, &mut stats).ok().map(InView::Faces),
         };
         job.stats = stats;
         job.placed = in_view.map(|in_view| Placed {
             mesh: job.mesh.clone(),
             scalars: job.scalars.clone(),
             active: job.active.clone(),
+            faces: job.faces.clone(),
             view: job.view.clone(),
             in_view,
         });

@@ -179,13 +179,13 @@ pub(super) fn hit_weights(e: [f64; 3]) -> [f64; 3] {
 
 /// The greater of two numbers, `b` if equal, as the x86 instruction that vector lanes use.
 #[inline(always)]
-fn greater(a: f64, b: f64) -> f64 {
+pub(super) fn greater<T: PartialOrd>(a: T, b: T) -> T {
     if a > b { a } else { b }
 }
 
 /// The lesser of two numbers, `b` if equal.
 #[inline(always)]
-fn less(a: f64, b: f64) -> f64 {
+pub(super) fn less<T: PartialOrd>(a: T, b: T) -> T {
     if a < b { a } else { b }
 }
 

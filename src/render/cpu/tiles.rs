@@ -1,8 +1,7 @@
-//! Tiles of the image, and pixel boxes of triangles.
+//! Tiles of the image.
 
 use super::super::adaptive::{PixelBits, Seen};
 use super::super::{Frame, Planes, RenderJob};
-use super::ray::ViewVertex;
 use crate::camera::{Lattice, PixelSet, Samples, View};
 use crate::stats::FrameStats;
 use rayon::prelude::*;
@@ -107,12 +106,8 @@ impl TileOrder {
                 met: [0; TILE_PX],
             }));
         }
-        let by_cost = |turn: &TileTurn| (std::cmp::Reverse(turn.nanos), turn.tile);
-        if costly_first {
-            self.turns.par_sort_unstable_by_key(by_cost);
-        } else {
-            self.turns.par_sort_unstable_by_key(|turn| turn.tile);
-        }
+        let cost = |turn: &TileTurn| if costly_first { turn.nanos } else { 0 };
+        self.turns.par_sort_unstable_by_key(|turn| (std::cmp::Reverse(cost(turn)), turn.tile));
         self.places.resize(grid.tile_count(), 0);
         for (place, turn) in (0..).zip(&self.turns) {
             self.places[turn.tile as usize] = place;
@@ -317,57 +312,6 @@ impl TilesDone<'_> {
             }
         });
     }
-}
-
-/// Pixels whose rays may meet a triangle in front of the eye; `None` if there are none. Conservative.
-pub(super) fn pixel_box(view: &View, corners: [ViewVertex; 3]) -> Option<PixelRect> {
-    let mut range = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
-    let mut include = |axis: usize, value: f64| {
-        range[axis] = [range[axis][0].min(value), range[axis][1].max(value)];
-    };
-    if view.perspective {
-        if corners.iter().all(|v| v.w <= 0.0) {
-            return None;
-        }
-        let extent = corners.iter().fold(0.0f64, |m, v| m.max(v.x.abs()).max(v.y.abs()).max(v.w.abs()));
-        for i in 0..3 {
-            let (a, b) = (&corners[i], &corners[(i + 1) % 3]);
-            if a.w > 0.0 {
-                include(0, a.x / a.w);
-                include(1, a.y / a.w);
-            }
-            if (a.w > 0.0) != (b.w > 0.0) {
-                // The edge leaves the half-space in front of the eye here: towards infinity on the image plane, on the side of x and y
-                // (on both sides if rounding leaves that open).
-                let f = a.w / (a.w - b.w);
-                for (axis, value) in [(0, a.x + f * (b.x - a.x)), (1, a.y + f * (b.y - a.y))] {
-                    if value >= -1e-9 * extent {
-                        include(axis, f64::INFINITY);
-                    }
-                    if value <= 1e-9 * extent {
-                        include(axis, f64::NEG_INFINITY);
-                    }
-                }
-            }
-        }
-    } else {
-        for v in &corners {
-            include(0, v.x);
-            include(1, v.y);
-        }
-    }
-    // Boxes are exact up to f64's rounding.
-    const PAD_PX: f64 = 1e-3;
-    let axis_range = |lo: f64, hi: f64, half: f64, pixels: usize| {
-        let to_px = |v: f64| (v / half + 1.0) * 0.5 * pixels as f64 - 0.5;
-        let (lo, hi) = (to_px(lo) - PAD_PX, to_px(hi) + PAD_PX);
-        let first = lo.ceil().clamp(0.0, pixels as f64);
-        let end = (hi.floor() + 1.0).clamp(0.0, pixels as f64);
-        (first as usize, (end - first).max(0.0) as usize)
-    };
-    let (x, width) = axis_range(range[0][0], range[0][1], view.half_width, view.width_px);
-    let (y, height) = axis_range(-range[1][1], -range[1][0], view.half_height, view.height_px);
-    (width > 0 && height > 0).then_some(PixelRect { x, y, width, height })
 }
 
 #[cfg(test)]

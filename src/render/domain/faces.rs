@@ -4,33 +4,20 @@
 //! d the direction of the ray; its products are the same for b, a except for the sign, so that faces at an edge agree. A zero is decided
 //! for a ray shifted by (d, d^2), d -> 0. Weights of the corners are the edge functions opposite to them over their sum.
 
-use super::{DomainScene, DomainSurface};
+use super::{DomainScene, DomainSurface, Fragments};
 use crate::camera::View;
-use crate::render::layers::LayerFragment;
 use glam::DVec3;
-use rayon::prelude::*;
 use std::ops::Range;
 
-pub(super) fn fragments(
-    faces: &[[u32; 3]],
-    surface: &DomainSurface,
-    scene: &DomainScene<'_>,
-) -> Vec<(u32, LayerFragment)> {
-    let of_face = |face: &[u32; 3]| {
-        let mut found = Vec::new();
-        add_face(*face, surface, scene, &mut found);
-        found
-    };
-    faces.par_iter().flat_map_iter(of_face).collect()
-}
-
-fn add_face(face: [u32; 3], surface: &DomainSurface, scene: &DomainScene<'_>, out: &mut Vec<(u32, LayerFragment)>) {
+/// The fragments of a face.
+pub(super) fn fragments(face: [u32; 3], surface: &DomainSurface, scene: &DomainScene<'_>) -> Fragments {
     let view = scene.view;
     let corners = face.map(|vertex| scene.in_view(vertex));
-    let Some((columns, rows)) = pixels_of(corners, view) else { return };
+    let Some((columns, rows)) = pixels_of(corners, view) else { return Vec::new() };
     let edges = [[1, 2], [2, 0], [0, 1]].map(|[i, j]| Edge::new(corners[i], corners[j], face[i] < face[j], view));
     let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
     let scalars = face.map(|vertex| scene.scalar(vertex));
+    let mut out = Vec::new();
     for row in rows {
         for (column, place) in view.rendered_in(row, columns.clone()) {
             let (px, py) = view.ray(column, row);
@@ -52,6 +39,7 @@ fn add_face(face: [u32; 3], surface: &DomainSurface, scene: &DomainScene<'_>, ou
             }
         }
     }
+    out
 }
 
 /// The pixels whose rays may hit a triangle; `None` if there are none.

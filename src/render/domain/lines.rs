@@ -3,26 +3,11 @@
 //! A line covers, in each column or row of pixels that it crosses, the two pixels around it by their distance from it (Wu, "An efficient
 //! antialiasing technique", SIGGRAPH 1991). Depths and scalars between its ends are those of the line in space.
 
-use super::{DomainScene, DomainSurface};
-use crate::render::layers::LayerFragment;
+use super::{DomainScene, DomainSurface, Fragments};
 use glam::{DVec2, DVec3};
-use rayon::prelude::*;
 
 /// Lines lie this much in front of the faces that they bound, local units: otherwise rounding would let the faces hide them.
 const BEFORE: f64 = 1e-3;
-
-pub(super) fn fragments(
-    edges: &[[u32; 2]],
-    surface: &DomainSurface,
-    scene: &DomainScene<'_>,
-) -> Vec<(u32, LayerFragment)> {
-    let of_edge = |edge: &[u32; 2]| {
-        let mut found = Vec::new();
-        add_line(*edge, surface, scene, &mut found);
-        found
-    };
-    edges.par_iter().flat_map_iter(of_edge).collect()
-}
 
 /// An end of a line in the image.
 #[derive(Clone, Copy)]
@@ -35,10 +20,11 @@ struct End {
     scalar: f64,
 }
 
-fn add_line(edge: [u32; 2], surface: &DomainSurface, scene: &DomainScene<'_>, out: &mut Vec<(u32, LayerFragment)>) {
+/// The fragments of an edge.
+pub(super) fn fragments(edge: [u32; 2], surface: &DomainSurface, scene: &DomainScene<'_>) -> Fragments {
     let view = scene.view;
     let points = edge.map(|vertex| (scene.in_view(vertex), scene.scalar(vertex)));
-    let Some(points) = before_the_eye(points, view.perspective) else { return };
+    let Some(points) = before_the_eye(points, view.perspective) else { return Vec::new() };
     let (width, height) = (view.width_px as f64, view.height_px as f64);
     let ends = points.map(|(point, scalar)| {
         let over = if view.perspective { 1.0 / point.z } else { 1.0 };
@@ -55,8 +41,9 @@ fn add_line(edge: [u32; 2], surface: &DomainSurface, scene: &DomainScene<'_>, ou
     let (lo, hi) = (from.min(to).max(0.0), from.max(to).min(count));
     // Also returns for NaN.
     if lo.partial_cmp(&hi) != Some(std::cmp::Ordering::Less) {
-        return;
+        return Vec::new();
     }
+    let mut out = Vec::new();
     for place in (lo.floor() as usize)..(hi.ceil() as usize) {
         let share = ((place as f64 + 0.5 - from) / (to - from)).clamp(0.0, 1.0);
         let between = |a: f64, b: f64| a + share * (b - a);
@@ -82,6 +69,7 @@ fn add_line(edge: [u32; 2], surface: &DomainSurface, scene: &DomainScene<'_>, ou
             }
         }
     }
+    out
 }
 
 /// The part of a line at depths above a millionth of its distance, in perspective; `None` if there is none.

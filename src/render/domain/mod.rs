@@ -9,7 +9,7 @@ mod lines;
 mod text;
 
 use super::layers::LayerFragment;
-use super::surfaces::{Normals, SurfaceShading};
+use super::surfaces::{Normals, SurfaceShading, brightness};
 use crate::camera::View;
 use crate::mesh::{Mesh, NONE, Plane};
 use crate::node_table::NodeTable;
@@ -42,13 +42,8 @@ pub struct DomainSurface {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub color: Option<[f64; 3]>,
     /// Opacity, 0..=1.
-    #[serde(default = "opaque")]
+    #[serde(default = "super::surfaces::opaque")]
     pub opacity: f64,
-}
-
-/// Default if the field is missing.
-fn opaque() -> f64 {
-    1.0
 }
 
 /// Checks that colours and opacities are in range.
@@ -117,14 +112,20 @@ impl DomainFaces {
     }
 
     /// The fragments of a surface in a view (local coordinates), each with its pixel's index in the plane.
-    pub(crate) fn fragments(&self, surface: &DomainSurface, scene: &DomainScene<'_>) -> Vec<(u32, LayerFragment)> {
+    pub(crate) fn fragments(&self, surface: &DomainSurface, scene: &DomainScene<'_>) -> Fragments {
+        let of_edge = |edge: &[u32; 2]| lines::fragments(*edge, surface, scene);
         match surface.style {
-            DomainStyle::Solid => faces::fragments(&self.faces, surface, scene),
-            DomainStyle::Wireframe => lines::fragments(&self.edges, surface, scene),
-            DomainStyle::Edges => lines::fragments(&self.turns, surface, scene),
+            DomainStyle::Solid => {
+                self.faces.par_iter().flat_map_iter(|face| faces::fragments(*face, surface, scene)).collect()
+            }
+            DomainStyle::Wireframe => self.edges.par_iter().flat_map_iter(of_edge).collect(),
+            DomainStyle::Edges => self.turns.par_iter().flat_map_iter(of_edge).collect(),
         }
     }
 }
+
+/// Fragments, each with its pixel's index in the plane.
+type Fragments = Vec<(u32, LayerFragment)>;
 
 /// The outward unit normal of a face; 0 if the face is degenerate.
 fn outward(mesh: &Mesh, face: [u32; 3], cell: u32) -> DVec3 {
@@ -150,9 +151,7 @@ pub(crate) struct DomainScene<'a> {
 impl DomainScene<'_> {
     /// View coordinates of a vertex.
     fn in_view(&self, vertex: u32) -> DVec3 {
-        let View { eye, right, up, forward, .. } = *self.view;
-        let from_eye = self.mesh.positions.local[vertex as usize].as_dvec3() - eye;
-        DVec3::new(right.dot(from_eye), up.dot(from_eye), forward.dot(from_eye))
+        self.view.to_view(self.mesh.positions.local[vertex as usize].as_dvec3())
     }
 
     fn scalar(&self, vertex: u32) -> f64 {
@@ -181,18 +180,10 @@ impl DomainScene<'_> {
     /// The cosine between a normal (view coordinates), turned towards the eye at a point, and the light; 1 without a normal.
     fn light_on(&self, normal: DVec3, at: DVec3) -> f64 {
         let View { right, up, forward, perspective, .. } = *self.view;
-        let along = if perspective { at } else { DVec3::Z };
-        let (Some(normal), Some(along)) = (normal.try_normalize(), along.try_normalize()) else { return 1.0 };
         if self.shading.normals == Normals::None {
             return 1.0;
         }
-        let facing = -normal.dot(along);
-        match self.shading.towards_light() {
-            None => facing.abs(),
-            Some(light) => {
-                let in_view = DVec3::new(right.dot(light), up.dot(light), forward.dot(light));
-                (normal.dot(in_view) * facing.signum()).max(0.0)
-            }
-        }
+        let in_view = |light| DVec3::new(right.dot(light), up.dot(light), forward.dot(light));
+        brightness(normal, if perspective { at } else { DVec3::Z }, self.shading.towards_light().map(in_view))
     }
 }

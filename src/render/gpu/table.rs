@@ -44,7 +44,7 @@ impl Table {
 
     /// Whether the job's table makes all scalars transparent.
     pub(super) fn is_transparent(&mut self, job: &RenderJob) -> bool {
-        self.tables.get(job).is_transparent()
+        self.tables.get(job).exact().is_transparent()
     }
 
     /// Whether neither volume nor surfaces are visible.

@@ -59,12 +59,8 @@ impl Cell {
             (DVec3::new(px, py, 0.0), DVec3::new(0.0, 0.0, 1.0))
         };
         let start = if view.perspective { 0.0 } else { f64::NEG_INFINITY };
-        let mut at_zero = [0.0; 4];
-        let mut slope = [0.0; 4];
-        for i in 0..4 {
-            at_zero[i] = self.offset[i] + self.gradient[i].dot(origin);
-            slope[i] = self.gradient[i].dot(direction);
-        }
+        let at_zero = self.weights(origin);
+        let slope = self.gradient.map(|gradient| gradient.dot(direction));
         let grazing = || inside(start, &at_zero, &slope, -INFLATION).filter(|(near, far)| far - near > GRAZING_LENGTH);
         let (near, far) = inside(start, &at_zero, &slope, 0.0).or_else(grazing)?;
         // Relative to one corner's: a constant scalar stays exact, as it may lie on a step of the table.

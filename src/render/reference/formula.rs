@@ -47,25 +47,21 @@ impl Medium for Formula<'_> {
     const HAS_VALUES: bool = false;
 
     fn pass(&self, (): &mut (), segment: &Segment, sum: &mut Sum) -> u32 {
-        add_segment(sum, self, segment);
-        1
-    }
-}
-
-fn add_segment(sum: &mut Sum, formula: &Formula, segment: &Segment) {
-    let ([near, far], [from, to], length) = (segment.part_scalar, segment.part, segment.length());
-    let mut walk = Walk { sum, formula, near, rise: far - near, length };
-    if near == far {
-        walk.constant(0.0, 1.0, from);
-        return;
-    }
-    let mut begin = 0.0;
-    for end in cuts(formula.knots(), near, far) {
-        walk.stretch(begin, end, from + begin * (to - from));
-        if walk.sum.depth_so_far > END_DEPTH {
-            return;
+        let ([near, far], [from, to], length) = (segment.part_scalar, segment.part, segment.length());
+        let mut walk = Walk { sum, formula: self, near, rise: far - near, length };
+        if near == far {
+            walk.constant(0.0, 1.0, from);
+            return 1;
         }
-        begin = end;
+        let mut begin = 0.0;
+        for end in cuts(self.knots(), near, far) {
+            walk.stretch(begin, end, from + begin * (to - from));
+            if walk.sum.depth_so_far > END_DEPTH {
+                break;
+            }
+            begin = end;
+        }
+        1
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::joint;
 use crate::node_table::{Node, NodeTable};
+use crate::optics::quadrature::pieces;
 use crate::render::medium::{Medium, Segment};
 use crate::render::{JointScene, LayerFragment, RenderJob};
 use glam::DVec3;
@@ -155,44 +156,6 @@ impl Sum {
         let [r, g, b] = self.rgb;
         let opacity = -(-self.depth_so_far).exp_m1();
         Light { rgba: [r, g, b, self.guide.map_or(opacity, f64::from)], visible_from: self.visible_from }
-    }
-}
-
-/// The segment from scalar `s0` to `s1`, cut at the nodes in between: table values at both ends of each piece, as limits from inside, and
-/// its share of the length.
-fn pieces(table: &NodeTable, s0: f64, s1: f64) -> Vec<(Node, Node, f64)> {
-    let (lo, hi) = (s0.min(s1), s0.max(s1));
-    let mut cuts = vec![lo];
-    cuts.extend(table.nodes().iter().map(|n| n.scalar).filter(|&s| s > lo && s < hi));
-    cuts.dedup();
-    cuts.push(hi);
-    if lo == hi {
-        let node = table.eval(lo);
-        return vec![(node, node, 1.0)];
-    }
-    let mut pieces: Vec<_> = cuts
-        .windows(2)
-        .filter(|c| c[1] > c[0])
-        .map(|c| {
-            let (a, b) = linear_between(table, c[0], c[1]);
-            (a, b, (c[1] - c[0]) / (hi - lo))
-        })
-        .collect();
-    if s1 < s0 {
-        pieces.reverse();
-        pieces.iter_mut().for_each(|(a, b, _)| std::mem::swap(a, b));
-    }
-    pieces
-}
-
-/// Limits of the table at `a` from above and at `b` from below, where no node lies between them.
-fn linear_between(table: &NodeTable, a: f64, b: f64) -> (Node, Node) {
-    let nodes = table.nodes();
-    let after = nodes.partition_point(|n| n.scalar <= a);
-    match (after.checked_sub(1).map(|i| &nodes[i]), nodes.get(after)) {
-        (Some(lo), Some(hi)) => (Node::lerp(lo, hi, a), Node::lerp(lo, hi, b)),
-        (Some(n), None) | (None, Some(n)) => (*n, *n),
-        (None, None) => unreachable!("a table has a node"),
     }
 }
 

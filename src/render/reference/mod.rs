@@ -22,6 +22,7 @@ pub(super) mod integrate;
 mod joint;
 mod surfaces;
 
+use super::surfaces::Normals;
 use super::{Frame, FrameRun, LayerFragment, LayerRenderer, RenderError, RenderJob};
 use crate::camera::{Samples, View};
 use crate::render::medium::{Medium, Segment};
@@ -31,7 +32,7 @@ use cuts::WithCuts;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
-use surfaces::{Surfaces, WithSurfaces};
+use surfaces::{WithSurfaces, gradients_at_vertices};
 
 /// Cells clipped between two checks of the cancel flag.
 const CELLS_AT_ONCE: usize = 1024;
@@ -62,7 +63,8 @@ pub struct JudgedJob {
     job: RenderJob,
     view: View,
     cells: Vec<Cell>,
-    surfaces: Option<Surfaces>,
+    /// The mean gradient at each vertex, if surfaces have smooth normals.
+    gradients: Vec<DVec3>,
     /// Pixels of a band.
     band: usize,
     next_band: usize,
@@ -86,10 +88,7 @@ impl LayerRenderer for Judge {
         let view = job.local_view();
         frame.clear(view.plane_px());
         let positions = &job.mesh.positions.local;
-        let to_view = |v: u32| {
-            let d = positions[v as usize].as_dvec3() - view.eye;
-            DVec3::new(view.right.dot(d), view.up.dot(d), view.forward.dot(d))
-        };
+        let to_view = |v: u32| view.to_view(positions[v as usize].as_dvec3());
         let topology = &job.mesh.topology;
         let cells: Vec<Cell> = (0..topology.tets.len() as u32)
             .into_par_iter()
@@ -100,8 +99,9 @@ impl LayerRenderer for Judge {
             Samples::Lattice(_) => BAND_ROWS * view.plane_px().0,
             Samples::Pixels(_) => BAND_PIXELS,
         };
-        let surfaces = job.surfaces.as_ref().map(|scene| Surfaces::of(scene, &job));
-        Ok(Some(JudgedJob { job, view, cells, surfaces, band, next_band: 0 }))
+        let is_smooth = job.surfaces.as_ref().is_some_and(|scene| scene.shading().normals == Normals::Vertex);
+        let gradients = if is_smooth { gradients_at_vertices(&job) } else { Vec::new() };
+        Ok(Some(JudgedJob { job, view, cells, gradients, band, next_band: 0 }))
     }
 
     fn advance(&mut self, budget: Duration, judged: &mut JudgedJob, frame: &mut Frame) -> Result<bool, RenderError> {
@@ -139,7 +139,7 @@ impl JudgedJob {
         fragments: &[LayerFragment],
     ) -> integrate::Light {
         let (view, scale) = (&self.view, self.job.mesh.positions.scale);
-        let (Some(surfaces), Some(scene)) = (&self.surfaces, &self.job.surfaces) else {
+        let Some(scene) = &self.job.surfaces else {
             return integrate::integrate(medium, chain, fragments, scale);
         };
         let (column, row) = view.pixel_at(place);
@@ -147,7 +147,8 @@ impl JudgedJob {
         let beside = px * view.right + py * view.up;
         let (origin, direction) =
             if view.perspective { (view.eye, view.forward + beside) } else { (view.eye + beside, view.forward) };
-        let medium = WithSurfaces { volume: medium, surfaces, job: &self.job, scene, origin, direction };
+        let medium =
+            WithSurfaces { volume: medium, gradients: &self.gradients, job: &self.job, scene, origin, direction };
         let color = |behind: &Segment, section: usize| match (scene.beside_section(section), colors) {
             (Some(beside), _) => medium.color_by(beside, behind.cell, behind.part[0]),
             (None, Some(colors)) => colors.eval(behind.part_scalar[0]).0,

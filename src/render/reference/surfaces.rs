@@ -9,34 +9,6 @@ use crate::render::medium::{Medium, RayPoint, Segment};
 use crate::render::surfaces::{FieldBeside, Light, Normals, Sheet, SurfaceScene};
 use glam::{DMat3, DVec3};
 
-/// The surfaces of a job.
-pub(super) struct Surfaces {
-    sheets: Vec<Sheet>,
-    normals: Normals,
-    light: Light,
-    /// The volume-weighted mean gradient at each vertex, for smooth normals.
-    gradients: Vec<DVec3>,
-    lights_volume: bool,
-    /// Whether normals and numbers are rendered.
-    guides: bool,
-}
-
-impl Surfaces {
-    pub(super) fn of(scene: &SurfaceScene, job: &RenderJob) -> Self {
-        let shading = scene.shading();
-        let smooth = shading.normals == Normals::Vertex;
-        let gradients = if smooth { gradients_at_vertices(job) } else { Vec::new() };
-        Self {
-            sheets: scene.sheets().to_vec(),
-            normals: shading.normals,
-            light: shading.light,
-            gradients,
-            lights_volume: shading.volume,
-            guides: scene.shows_guides(),
-        }
-    }
-}
-
 /// Corners of a cell, local coordinates.
 fn corners(job: &RenderJob, cell: u32) -> [DVec3; 4] {
     job.mesh.topology.tets[cell as usize].map(|v| job.mesh.positions.local[v as usize].as_dvec3())
@@ -50,8 +22,8 @@ fn gradient(job: &RenderJob, cell: u32) -> DVec3 {
     edges.inverse() * DVec3::new(sa - so, sb - so, sc - so)
 }
 
-/// The volume-weighted sum of the gradients of the finite cells around each vertex.
-fn gradients_at_vertices(job: &RenderJob) -> Vec<DVec3> {
+/// The volume-weighted mean gradient of the finite cells around each vertex, for smooth normals.
+pub(super) fn gradients_at_vertices(job: &RenderJob) -> Vec<DVec3> {
     let mut sums = vec![DVec3::ZERO; job.mesh.positions.local.len()];
     for (cell, tet) in (0..).zip(&job.mesh.topology.tets) {
         if tet.iter().any(|&v| !job.scalars[v as usize].is_finite()) {
@@ -74,7 +46,8 @@ pub(super) fn toward_eye(normal: DVec3, direction: DVec3) -> DVec3 {
 /// A medium with surfaces in it, for one ray.
 pub(super) struct WithSurfaces<'a, M> {
     pub(super) volume: &'a M,
-    pub(super) surfaces: &'a Surfaces,
+    /// The mean gradient at each vertex, for smooth normals.
+    pub(super) gradients: &'a [DVec3],
     pub(super) job: &'a RenderJob,
     pub(super) scene: &'a SurfaceScene,
     /// The eye, or where the ray meets the plane of the eye, local coordinates.
@@ -103,8 +76,8 @@ impl<M: Medium<Ray = (), Light = Sum>> Medium for WithSurfaces<'_, M> {
         }
         // Surfaces met, by their fraction of the segment.
         let mut met: Vec<(f64, &Sheet)> = self
-            .surfaces
-            .sheets
+            .scene
+            .sheets()
             .iter()
             .filter(|sheet| (s0 >= sheet.value) != (s1 >= sheet.value))
             .map(|sheet| ((sheet.value - s0) / (s1 - s0), sheet))
@@ -122,7 +95,7 @@ impl<M: Medium<Ray = (), Light = Sum>> Medium for WithSurfaces<'_, M> {
             if before.part[1] > before.part[0] {
                 count += self.pass_volume(&before, sum);
             }
-            if self.surfaces.guides && sheet.opacity > 0.0 {
+            if self.scene.shows_guides() && sheet.opacity > 0.0 {
                 let normal = self.normal(segment.cell, depth).try_normalize().unwrap_or_default();
                 sum.end_with_guide(depth, toward_eye(normal, self.direction), sheet.number);
                 return count + 1;
@@ -145,7 +118,7 @@ impl<M: Medium<Ray = (), Light = Sum>> Medium for WithSurfaces<'_, M> {
 impl<M: Medium<Ray = (), Light = Sum>> WithSurfaces<'_, M> {
     /// Integrates a segment without surfaces, lit by the gradient in its middle if the volume is lit.
     fn pass_volume(&self, segment: &Segment, sum: &mut Sum) -> u32 {
-        if !self.surfaces.lights_volume {
+        if !self.scene.lights_volume() {
             return self.volume.pass(&mut (), segment, sum);
         }
         let before = std::mem::take(&mut sum.rgb);
@@ -179,12 +152,12 @@ impl<M> WithSurfaces<'_, M> {
 
     /// Normal of a surface in a cell, of any length.
     fn normal(&self, cell: u32, depth: f64) -> DVec3 {
-        match self.surfaces.normals {
+        match self.scene.shading().normals {
             Normals::None | Normals::Cell | Normals::Screen | Normals::Depth => gradient(self.job, cell),
             Normals::Vertex => {
                 let weights = self.weights(cell, depth);
                 let tet = self.job.mesh.topology.tets[cell as usize];
-                let gradients = tet.map(|v| self.surfaces.gradients[v as usize]);
+                let gradients = tet.map(|v| self.gradients[v as usize]);
                 (0..4).map(|i| weights[i] * gradients[i]).sum()
             }
         }
@@ -192,12 +165,12 @@ impl<M> WithSurfaces<'_, M> {
 
     /// The cosine between the normal, turned towards the eye, and the light; 1 without a normal.
     fn light_on(&self, cell: u32, depth: f64) -> f64 {
-        if matches!(self.surfaces.normals, Normals::None | Normals::Screen | Normals::Depth) {
+        if matches!(self.scene.shading().normals, Normals::None | Normals::Screen | Normals::Depth) {
             return 1.0;
         }
         let Some(normal) = self.normal(cell, depth).try_normalize() else { return 1.0 };
         let (to_eye, turned) = (-self.direction.normalize(), toward_eye(normal, self.direction));
-        match self.surfaces.light {
+        match self.scene.shading().light {
             Light::Headlight => turned.dot(to_eye),
             Light::From([x, y, z]) => {
                 let length = x.hypot(y).hypot(z);

@@ -1,7 +1,7 @@
 //! Isosurfaces and cuts within a segment, as a [`Medium`] around that of the volume.
 
 use super::cuts_in_view::CutsInView;
-use super::{FieldBeside, Normals, Sheet, SurfaceScene};
+use super::{FieldBeside, Normals, Sheet, SurfaceScene, brightness};
 use crate::camera::View;
 use crate::mesh::{self, Mesh};
 use crate::optics::exact::ExactTable;
@@ -206,13 +206,7 @@ impl<'a> Shader<'a> {
         if matches!(self.normals, Normals::None | Normals::Screen | Normals::Depth) {
             return 1.0;
         }
-        let (normal, along) = (self.normal_on(segment, depth), self.along(segment));
-        let (Some(normal), Some(along)) = (normal.try_normalize(), along.try_normalize()) else { return 1.0 };
-        let facing = -normal.dot(along);
-        match self.light {
-            None => facing.abs(),
-            Some(light) => (normal.dot(light) * facing.signum()).max(0.0),
-        }
+        brightness(self.normal_on(segment, depth), self.along(segment), self.light)
     }
 
     /// Normal of an isosurface at a depth in the cell of a segment, of any length; 0 if undefined.
@@ -304,7 +298,7 @@ pub(in crate::render) enum VolumeRay {
 impl<'a> VolumeMedium<'a> {
     pub(in crate::render) fn new(table: &'a OpticsTable) -> Self {
         match table {
-            _ if table.is_transparent() => Self::Transparent,
+            _ if table.exact().is_transparent() => Self::Transparent,
             OpticsTable::Exact(table) => Self::Exact(ScalarMedium(&**table)),
             OpticsTable::Table3d(table) => Self::Table3d(ScalarMedium(&**table)),
             OpticsTable::Partial(table) => Self::Partial(ScalarMedium(&**table)),

@@ -57,7 +57,7 @@ pub struct Isosurface {
 }
 
 /// Default if the field is missing.
-fn opaque() -> f64 {
+pub(super) fn opaque() -> f64 {
     1.0
 }
 
@@ -98,22 +98,20 @@ pub enum Light {
 
 /// How surfaces are lit: by the cosine between the normal, turned towards the eye, and the light (Lambert).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct SurfaceShading {
     /// Source of the normals.
-    #[serde(default)]
     pub normals: Normals,
     /// Direction of the light.
-    #[serde(default)]
     pub light: Light,
     /// Whether the volume is lit, too, by its gradients, like isosurfaces through the same points.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub volume: bool,
     /// Whether to darken the nearest surface where its surroundings hide it: ambient occlusion in image space.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub ambient_occlusion: bool,
     /// Whether depths are smoothed where faces were left out, before any lighting in image space.
-    #[serde(default = "smooth", skip_serializing_if = "is_smooth")]
+    #[serde(skip_serializing_if = "is_smooth")]
     pub smooth: bool,
 }
 
@@ -134,19 +132,7 @@ impl SurfaceShading {
     pub fn is_of_screen(&self) -> bool {
         self.ambient_occlusion || matches!(self.normals, Normals::Screen | Normals::Depth)
     }
-}
 
-/// Default if the field is missing.
-fn smooth() -> bool {
-    true
-}
-
-/// Whether the value is the default, and not written.
-fn is_smooth(smooth: &bool) -> bool {
-    *smooth
-}
-
-impl SurfaceShading {
     /// Unit vector towards the light, world coordinates; `None` for a light at the eye.
     pub(in crate::render) fn towards_light(&self) -> Option<DVec3> {
         match self.light {
@@ -157,6 +143,23 @@ impl SurfaceShading {
                 Some((direction / direction.abs().max_element()).normalize())
             }
         }
+    }
+}
+
+/// Whether the value is the default, and not written.
+fn is_smooth(smooth: &bool) -> bool {
+    *smooth
+}
+
+/// Brightness of a surface: the cosine between its normal, turned towards the eye, and the light, from a direction or, without one, from
+/// the eye. `along`: the direction of the ray. 1 without a normal.
+#[inline]
+pub(super) fn brightness(normal: DVec3, along: DVec3, towards_light: Option<DVec3>) -> f64 {
+    let (Some(normal), Some(along)) = (normal.try_normalize(), along.try_normalize()) else { return 1.0 };
+    let facing = -normal.dot(along);
+    match towards_light {
+        None => facing.abs(),
+        Some(light) => (normal.dot(light) * facing.signum()).max(0.0),
     }
 }
 

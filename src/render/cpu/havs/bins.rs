@@ -3,8 +3,8 @@
 //! The list is cut into chunks that depend on its length alone; each chunk has its own lists for all tiles, filled by one thread (count,
 //! scan, fill). A tile reads the chunks one after the other, in list order, however many threads there are.
 
-use super::super::raster::boxes::{Bounds, BoxSource, least};
-use super::super::raster::lists::{ListedFace, Seen, SeenFace, TileFace, TileLists, below};
+use super::super::raster::boxes::BoxSource;
+use super::super::raster::lists::{ListedFace, Seen, TileFace, TileLists, below};
 use super::super::tiles::TileGrid;
 use super::sides::Sides;
 use crate::mesh::Mesh;
@@ -22,7 +22,7 @@ const CHUNKS_MAX: usize = 128;
 #[derive(Debug, Default)]
 pub(super) struct FaceBins {
     pub(super) grid: TileGrid,
-    chunks: Vec<Chunk>,
+    chunks: Vec<TileLists>,
     used: usize,
     /// Scratch memory per thread.
     seen: Vec<Mutex<Seen>>,
@@ -44,12 +44,12 @@ impl FaceBins {
 
     /// The faces of a chunk that may cover a tile.
     pub(super) fn faces(&self, chunk: usize, tile: usize) -> &[TileFace] {
-        self.chunks[chunk].lists.faces(tile)
+        self.chunks[chunk].faces(tile)
     }
 
     /// Whether a face may cover a tile.
     pub(super) fn has_faces(&self, tile: usize) -> bool {
-        self.chunks[..self.used].iter().any(|chunk| !chunk.lists.faces(tile).is_empty())
+        self.chunks[..self.used].iter().any(|lists| !lists.faces(tile).is_empty())
     }
 
     /// Lower bound on the depth of the faces from this chunk on; infinite behind the last chunk.
@@ -70,16 +70,19 @@ impl FaceBins {
         let length = count.div_ceil(CHUNKS_MAX).max(CHUNK_MIN);
         self.used = count.div_ceil(length);
         if self.chunks.len() < self.used {
-            self.chunks.resize_with(self.used, Chunk::default);
+            self.chunks.resize_with(self.used, TileLists::default);
         }
         self.seen.resize_with(rayon::current_num_threads(), Mutex::default);
         let seen = &self.seen;
         let find = list.begin(job, drawn).then_some((&job.mesh.topology, &*job.active, sides));
-        let chunks = self.chunks[..self.used].par_iter_mut();
+        self.nearest_from.clear();
+        self.nearest_from.resize(self.used + 1, f32::INFINITY);
+        let chunks = self.chunks[..self.used].par_iter_mut().zip(&mut self.nearest_from);
         let faces = list.faces.par_chunks_mut(length).zip(drawn.faces.par_chunks(length));
-        chunks.zip(faces).for_each(|(chunk, (faces, drawn))| {
+        chunks.zip(faces).for_each(|((lists, nearest), (faces, drawn))| {
             if job.cancel.is_cancelled() {
-                return chunk.fill(source, grid, &[], &mut Vec::new());
+                lists.fill(source, grid, &[], &mut Vec::new());
+                return;
             }
             if let Some((topology, active, sides)) = find {
                 for (listed, &face) in faces.iter_mut().zip(drawn) {
@@ -89,16 +92,14 @@ impl FaceBins {
             }
             // Each thread of the pool has its own: the lock is never contended.
             let seen = &seen[rayon::current_thread_index().unwrap_or(0) % seen.len()];
-            chunk.fill(source, grid, faces, &mut seen.lock().unwrap_or_else(PoisonError::into_inner));
+            *nearest = lists.fill(source, grid, faces, &mut seen.lock().unwrap_or_else(PoisonError::into_inner));
         });
         if job.cancel.is_cancelled() {
             // Cancelled, perhaps before all faces were found.
             list.of = None;
         }
-        self.nearest_from.clear();
-        self.nearest_from.resize(self.used + 1, f32::INFINITY);
         for chunk in (0..self.used).rev() {
-            self.nearest_from[chunk] = self.nearest_from[chunk + 1].min(self.chunks[chunk].nearest);
+            self.nearest_from[chunk] = self.nearest_from[chunk + 1].min(self.nearest_from[chunk]);
         }
     }
 }
@@ -112,29 +113,5 @@ impl FaceList {
         self.faces.resize(drawn.faces.len(), ListedFace::default());
         self.of = Some((job.mesh.clone(), drawn.clone(), job.active.clone()));
         !is_kept
-    }
-}
-
-/// The faces of a part of the list.
-#[derive(Debug, Default)]
-struct Chunk {
-    lists: TileLists,
-    nearest: f32,
-}
-
-impl Chunk {
-    fn fill(&mut self, source: BoxSource<'_>, grid: TileGrid, faces: &[ListedFace], seen: &mut Seen) {
-        let image = Bounds::of_image(source.view);
-        self.nearest = f32::INFINITY;
-        self.lists.begin(grid);
-        seen.clear();
-        for face in faces {
-            let Some(bounds) = source.bounds(face.ids, image) else { continue };
-            let nearest = source.nearest(face.ids);
-            self.nearest = least(self.nearest, nearest);
-            seen.push(SeenFace { face: *face, bounds, nearest });
-            self.lists.count(bounds);
-        }
-        self.lists.store(seen);
     }
 }

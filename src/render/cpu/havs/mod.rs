@@ -86,9 +86,7 @@ pub struct FaceTiles {
 /// A job of [`FaceTiles`].
 pub struct FaceJob {
     tiles: TileJob,
-    is_complete: bool,
     in_view: Arc<FacesInView>,
-    tie: f64,
 }
 
 impl Havs {
@@ -130,16 +128,14 @@ impl LayerRenderer for FaceTiles {
         if tiles.is_transparent() {
             checked_faces(job)?;
         } else {
-            in_view = match job.placed.as_ref().and_then(|placed| placed.faces(job, &drawn)) {
+            in_view = match job.placed.as_ref().and_then(|placed| placed.faces(job)) {
                 Some(faces) => faces,
-                None => self.placer.place(job, view, &drawn, &mut frame.stats)?,
+                None => self.placer.place(job, view, &mut frame.stats)?,
             };
             frame.stats.faces_drawn = drawn.faces.len() as u64;
         }
         self.tiles.begin(in_view.bins.grid, job.skip.costly_first);
-        // The mesh lies within a local box of diameter 2 sqrt(3).
-        let tie = fragment::tie(view.eye.length() + 2.0);
-        Ok(Some(FaceJob { tiles, is_complete: drawn.is_complete, in_view, tie }))
+        Ok(Some(FaceJob { tiles, in_view }))
     }
 
     fn advance(&mut self, budget: Duration, job: &mut FaceJob, frame: &mut Frame) -> Result<bool, RenderError> {
@@ -148,15 +144,13 @@ impl LayerRenderer for FaceTiles {
 }
 
 impl RenderTiles for FaceTiles {
-    type Job = FaceJob;
-
     fn tile_job(job: &FaceJob) -> &TileJob {
         &job.tiles
     }
 
     fn render_tiles<M: Medium<Light = Accumulator>, L: Layers>(
         &mut self,
-        FaceJob { tiles: TileJob { job, view, .. }, is_complete, in_view, tie }: &FaceJob,
+        FaceJob { tiles: TileJob { job, view, .. }, in_view }: &FaceJob,
         (medium, layers): (&M, &L),
         budget: Duration,
         frame: &mut Frame,
@@ -170,9 +164,10 @@ impl RenderTiles for FaceTiles {
             layers,
             eye_cells: &in_view.eye_cells,
             k_buffer: job.k_buffer,
-            is_complete: *is_complete,
+            is_complete: job.faces.as_ref().is_some_and(|drawn| drawn.is_complete),
             early_termination: job.skip.opaque,
-            tie: *tie,
+            // The mesh lies within a local box of diameter 2 sqrt(3).
+            tie: fragment::tie(view.eye.length() + 2.0),
             cancel: &job.cancel,
         };
         let portable = self.portable;

@@ -11,7 +11,7 @@ use crate::camera::View;
 use crate::render::{RenderError, RenderJob};
 use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
-use crate::visibility::{DrawnFaces, Pool};
+use crate::visibility::Pool;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -33,7 +33,7 @@ pub(in crate::render::cpu) struct FacePlacer {
 }
 
 impl FacePlacer {
-    /// Places the faces `drawn` of a job in its local view, only some of them if it is cancelled; adds the time to the statistics.
+    /// Places the faces of a job in its local view, only some of them if it is cancelled; adds the time to the statistics.
     ///
     /// # Errors
     /// As [`checked_faces`].
@@ -41,10 +41,9 @@ impl FacePlacer {
         &mut self,
         job: &RenderJob,
         view: &View,
-        drawn: &Arc<DrawnFaces>,
         stats: &mut FrameStats,
     ) -> Result<Arc<FacesInView>, RenderError> {
-        checked_faces(job)?;
+        let drawn = checked_faces(job)?;
         let _span = tracing::info_span!("place").entered();
         let started = Instant::now();
         let Self { screen, sides, list, pool } = self;
@@ -53,7 +52,7 @@ impl FacePlacer {
             boxes::project(view, &faces.vertices, None, &job.cancel, screen);
             sides.update(&job.mesh);
             let source = BoxSource { view, vertices: &faces.vertices, screen };
-            faces.bins.fill(source, (list, sides), job, drawn);
+            faces.bins.fill(source, (list, sides), job, &drawn);
             faces.eye_cells = cells_at_eye(&job.mesh, &job.active, view, EYE_TOLERANCE);
         });
         waste(Slow::Raster, drawn.faces.len());

@@ -1,16 +1,15 @@
 //! Which cell of a face a ray enters.
 
 use crate::mesh::{FACE_VERTICES, Mesh, NONE, Topology};
-use crate::visibility::CellSet;
-use rayon::prelude::*;
+use crate::visibility::{CellSet, IdSet};
 use std::sync::Arc;
 
-/// One bit per face: whether a ray that sees its ascending corners counter-clockwise enters its first cell. Depends on the mesh alone,
+/// The faces whose first cell a ray enters that sees their ascending corners counter-clockwise. Depends on the mesh alone,
 /// and is kept from frame to frame.
 #[derive(Debug, Default)]
 pub(super) struct Sides {
     of: Option<Arc<Mesh>>,
-    bits: Vec<u64>,
+    outward: IdSet,
 }
 
 impl Sides {
@@ -19,12 +18,7 @@ impl Sides {
             return;
         }
         let topology = &mesh.topology;
-        let word = |at: usize| {
-            let faces = 64 * at..topology.faces.len().min(64 * at + 64);
-            faces.fold(0, |word, face| word | u64::from(is_outward(topology, face)) << (face % 64))
-        };
-        let words = topology.faces.len().div_ceil(64);
-        (0..words).into_par_iter().with_min_len(64).map(word).collect_into_vec(&mut self.bits);
+        self.outward = IdSet::of(topology.faces.len(), |face| is_outward(topology, face));
         self.of = Some(mesh.clone());
     }
 
@@ -34,8 +28,7 @@ impl Sides {
     pub(super) fn cells(&self, topology: &Topology, active: &CellSet, face: u32) -> [u32; 2] {
         let cells = topology.face_cells[face as usize];
         let [first, second] = cells.map(|cell| if cell != NONE && active.contains(cell) { cell } else { NONE });
-        let enters_first = self.bits[face as usize / 64] >> (face % 64) & 1 == 1;
-        if enters_first { [second, first] } else { [first, second] }
+        if self.outward.contains(face) { [second, first] } else { [first, second] }
     }
 }
 

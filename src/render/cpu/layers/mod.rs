@@ -11,7 +11,7 @@ mod tests;
 use super::super::RenderJob;
 use super::raster::TileRays;
 use super::raster::boxes::{Bounds, BoxSource, project};
-use super::raster::lists::{ListedFace, SeenFace, TileLists};
+use super::raster::lists::{ListedFace, TileLists};
 use super::ray::transform;
 use super::tiles::{PixelRect, TILE_PX, TileGrid};
 use crate::camera::{Samples, View};
@@ -54,8 +54,12 @@ impl BoundaryDepths {
         let source = BoxSource { view: &view, vertices: &vertices, screen: &screen };
         let faces = boundary_faces(job, &job.active)?;
         let faces: Vec<_> = faces.into_par_iter().map(|ids| ListedFace { ids, cells: [NONE; 2] }).collect();
-        let lists: Vec<TileLists> =
-            faces.par_chunks(FACES_PER_LIST).map(|faces| lists_of(faces, source, grid)).collect();
+        let sorted = |faces: &[ListedFace]| {
+            let mut lists = TileLists::default();
+            lists.fill(source, grid, faces, &mut Vec::new());
+            lists
+        };
+        let lists: Vec<TileLists> = faces.par_chunks(FACES_PER_LIST).map(sorted).collect();
         let scene = Scene { view: &view, vertices: &vertices, layers: layers.min(MAX_LAYERS) };
         let mut depths = vec![[f64::INFINITY; MAX_LAYERS]; view.width_px * view.height_px];
         let rows = depths.par_chunks_mut(view.width_px * TILE_PX).enumerate();
@@ -124,19 +128,4 @@ pub(in crate::render) fn boundary_faces(job: &RenderJob, cells: &CellSet) -> Opt
     };
     let found: Vec<Vec<[u32; 3]>> = parts.map(of_part).collect();
     (!job.cancel.is_cancelled()).then(|| found.concat())
-}
-
-/// Sorts faces into the tiles of an image.
-fn lists_of(faces: &[ListedFace], source: BoxSource<'_>, grid: TileGrid) -> TileLists {
-    let image = Bounds::of_image(source.view);
-    let seen = |face: &ListedFace| {
-        let bounds = source.bounds(face.ids, image)?;
-        Some(SeenFace { face: *face, bounds, nearest: source.nearest(face.ids) })
-    };
-    let seen: Vec<SeenFace> = faces.iter().filter_map(seen).collect();
-    let mut lists = TileLists::default();
-    lists.begin(grid);
-    seen.iter().for_each(|face| lists.count(face.bounds));
-    lists.store(&seen);
-    lists
 }

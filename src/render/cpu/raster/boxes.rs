@@ -1,7 +1,6 @@
 //! Pixel boxes of faces.
 
-use super::super::ray::{CLUSTER, CLUSTERS_AT_ONCE, ViewVertex, is_needed};
-use super::super::tiles::pixel_box;
+use super::super::ray::{CLUSTER, CLUSTERS_AT_ONCE, ViewVertex, greater, is_needed, less};
 use crate::camera::View;
 use crate::task::Cancel;
 use rayon::prelude::*;
@@ -45,13 +44,6 @@ pub(in crate::render::cpu) struct Bounds {
     pub(in crate::render::cpu) y1: usize,
 }
 
-impl Bounds {
-    /// All pixels of a view.
-    pub(in crate::render::cpu) fn of_image(view: &View) -> Self {
-        Self { x0: 0, x1: view.width_px, y0: 0, y1: view.height_px }
-    }
-}
-
 /// Data from which boxes of faces are computed.
 #[derive(Clone, Copy)]
 pub(in crate::render::cpu) struct BoxSource<'a> {
@@ -65,37 +57,89 @@ impl BoxSource<'_> {
     #[inline(always)]
     pub(in crate::render::cpu) fn nearest(&self, ids: [u32; 3]) -> f32 {
         let [a, b, c] = ids.map(|v| self.screen[v as usize][2]);
-        least(a, least(b, c))
+        less(a, less(b, c))
     }
 
-    /// Pixels within `clip` whose rays may meet a face in front of the eye; `None` if there are none. Conservative: image positions are
+    /// Pixels of the image whose rays may meet a face in front of the eye; `None` if there are none. Conservative: image positions are
     /// accurate to 2^-22 of the image's size.
     #[inline(always)]
-    pub(in crate::render::cpu) fn bounds(&self, ids: [u32; 3], clip: Bounds) -> Option<Bounds> {
+    pub(in crate::render::cpu) fn bounds(&self, ids: [u32; 3]) -> Option<Bounds> {
         let corners = ids.map(|v| self.screen[v as usize]);
-        if is_at_eye(&corners) { self.bounds_at_eye(ids, clip) } else { bounds_on_screen(&corners, clip) }
+        if is_at_eye(&corners) {
+            pixel_box(self.view, self.corners(ids))
+        } else {
+            bounds_on_screen(&corners, self.view)
+        }
     }
 
     /// As [`Self::bounds`], for a face that counts only for rays that see its corners counter-clockwise.
     #[inline(always)]
-    pub(in crate::render::cpu) fn bounds_from_front(&self, ids: [u32; 3], clip: Bounds) -> Option<Bounds> {
+    pub(in crate::render::cpu) fn bounds_from_front(&self, ids: [u32; 3]) -> Option<Bounds> {
         let corners = ids.map(|v| self.screen[v as usize]);
         if is_at_eye(&corners) {
-            let is_back = is_back_facing(self.view, ids.map(|v| self.vertices[v as usize]));
-            return if is_back { None } else { self.bounds_at_eye(ids, clip) };
+            let corners = self.corners(ids);
+            return if is_back_facing(self.view, corners) { None } else { pixel_box(self.view, corners) };
         }
-        let size = clip.x1.max(clip.y1) as f32;
-        if is_clockwise(&corners, size) { None } else { bounds_on_screen(&corners, clip) }
+        let size = self.view.width_px.max(self.view.height_px) as f32;
+        if is_clockwise(&corners, size) { None } else { bounds_on_screen(&corners, self.view) }
     }
 
-    #[cold]
-    #[inline(never)]
-    fn bounds_at_eye(&self, ids: [u32; 3], clip: Bounds) -> Option<Bounds> {
-        let found = pixel_box(self.view, ids.map(|v| self.vertices[v as usize]))?;
-        let (x0, x1) = (found.x.max(clip.x0), (found.x + found.width).min(clip.x1));
-        let (y0, y1) = (found.y.max(clip.y0), (found.y + found.height).min(clip.y1));
-        (x0 < x1 && y0 < y1).then_some(Bounds { x0, x1, y0, y1 })
+    fn corners(&self, ids: [u32; 3]) -> [ViewVertex; 3] {
+        ids.map(|v| self.vertices[v as usize])
     }
+}
+
+/// Pixels whose rays may meet a triangle in front of the eye; `None` if there are none. Conservative.
+#[cold]
+#[inline(never)]
+fn pixel_box(view: &View, corners: [ViewVertex; 3]) -> Option<Bounds> {
+    let mut range = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+    let mut include = |axis: usize, value: f64| {
+        range[axis] = [range[axis][0].min(value), range[axis][1].max(value)];
+    };
+    if view.perspective {
+        if corners.iter().all(|v| v.w <= 0.0) {
+            return None;
+        }
+        let extent = corners.iter().fold(0.0f64, |m, v| m.max(v.x.abs()).max(v.y.abs()).max(v.w.abs()));
+        for i in 0..3 {
+            let (a, b) = (&corners[i], &corners[(i + 1) % 3]);
+            if a.w > 0.0 {
+                include(0, a.x / a.w);
+                include(1, a.y / a.w);
+            }
+            if (a.w > 0.0) != (b.w > 0.0) {
+                // The edge leaves the half-space in front of the eye here: towards infinity on the image plane, on the side of x and y
+                // (on both sides if rounding leaves that open).
+                let f = a.w / (a.w - b.w);
+                for (axis, value) in [(0, a.x + f * (b.x - a.x)), (1, a.y + f * (b.y - a.y))] {
+                    if value >= -1e-9 * extent {
+                        include(axis, f64::INFINITY);
+                    }
+                    if value <= 1e-9 * extent {
+                        include(axis, f64::NEG_INFINITY);
+                    }
+                }
+            }
+        }
+    } else {
+        for v in &corners {
+            include(0, v.x);
+            include(1, v.y);
+        }
+    }
+    // Boxes are exact up to f64's rounding.
+    const PAD_PX: f64 = 1e-3;
+    let axis_range = |lo: f64, hi: f64, half: f64, pixels: usize| {
+        let to_px = |v: f64| (v / half + 1.0) * 0.5 * pixels as f64 - 0.5;
+        let (lo, hi) = (to_px(lo) - PAD_PX, to_px(hi) + PAD_PX);
+        let first = lo.ceil().clamp(0.0, pixels as f64);
+        let end = (hi.floor() + 1.0).clamp(0.0, pixels as f64);
+        (first as usize, end as usize)
+    };
+    let (x0, x1) = axis_range(range[0][0], range[0][1], view.half_width, view.width_px);
+    let (y0, y1) = axis_range(-range[1][1], -range[1][0], view.half_height, view.height_px);
+    (x0 < x1 && y0 < y1).then_some(Bounds { x0, x1, y0, y1 })
 }
 
 /// Whether a corner is not in front of the eye: NaN propagates.
@@ -105,16 +149,16 @@ fn is_at_eye([a, b, c]: &[ScreenPoint; 3]) -> bool {
 }
 
 #[inline(always)]
-fn bounds_on_screen([a, b, c]: &[ScreenPoint; 3], clip: Bounds) -> Option<Bounds> {
-    let range = |axis: usize, first: usize, end: usize| {
+fn bounds_on_screen([a, b, c]: &[ScreenPoint; 3], view: &View) -> Option<Bounds> {
+    let range = |axis: usize, end: usize| {
         let pad = 1e-3 + end as f32 * (1.0 / (1u32 << 22) as f32);
-        let (lo, hi) = (least(a[axis], least(b[axis], c[axis])) - pad, most(a[axis], most(b[axis], c[axis])) + pad);
+        let (lo, hi) = (less(a[axis], less(b[axis], c[axis])) - pad, greater(a[axis], greater(b[axis], c[axis])) + pad);
         // Casts of numbers beyond the integer range saturate. A pixel exactly at an end lies a pad outside.
         let from = if lo > 0.0 { lo as i32 as usize + 1 } else { 0 };
         let to = if hi > 0.0 { hi as i32 as usize + 1 } else { 0 };
-        (from.max(first), to.min(end))
+        (from, to.min(end))
     };
-    let ((x0, x1), (y0, y1)) = (range(0, clip.x0, clip.x1), range(1, clip.y0, clip.y1));
+    let ((x0, x1), (y0, y1)) = (range(0, view.width_px), range(1, view.height_px));
     (x0 < x1 && y0 < y1).then_some(Bounds { x0, x1, y0, y1 })
 }
 
@@ -128,8 +172,8 @@ fn is_clockwise([a, b, c]: &[ScreenPoint; 3], size: f32) -> bool {
     let [ab, ac] = [b, c].map(|p| [p[0] - a[0], p[1] - a[1]]);
     // Image rows go down.
     let clockwise = ab[0] * ac[1] - ac[0] * ab[1];
-    let longest = most(most(ab[0].abs(), ab[1].abs()), most(ac[0].abs(), ac[1].abs()));
-    let largest = most(most(a[0].abs(), a[1].abs()) + longest, size);
+    let longest = greater(greater(ab[0].abs(), ab[1].abs()), greater(ac[0].abs(), ac[1].abs()));
+    let largest = greater(greater(a[0].abs(), a[1].abs()) + longest, size);
     clockwise > longest * largest * (1.0 / (1u32 << 18) as f32)
 }
 
@@ -145,15 +189,4 @@ pub(in crate::render::cpu) fn is_back_facing(view: &View, [a, b, c]: [ViewVertex
     let length = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     // Far above f64's rounding: uncertain cases are decided pixel by pixel.
     dot < -1e-9 * length(&ab) * length(&ac) * length(&ray)
-}
-
-// Single instructions, as no argument is NaN.
-#[inline(always)]
-pub(in crate::render::cpu) fn least(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
-
-#[inline(always)]
-pub(in crate::render::cpu) fn most(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
 }

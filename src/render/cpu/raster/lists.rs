@@ -1,7 +1,8 @@
 //! For each tile the faces whose box overlaps it.
 
+use super::super::ray::less;
 use super::super::tiles::{TILE_PX, TileGrid};
-use super::boxes::Bounds;
+use super::boxes::{Bounds, BoxSource};
 use crate::mesh::NONE;
 
 /// For each pixel of a tile in one direction, and the one behind the last, an index in another tile.
@@ -85,6 +86,28 @@ pub(in crate::render::cpu) struct TileLists {
 }
 
 impl TileLists {
+    /// Sorts faces into the tiles of an image, with `seen` as scratch memory; returns their least depth, rounded to f32.
+    pub(in crate::render::cpu) fn fill(
+        &mut self,
+        source: BoxSource<'_>,
+        grid: TileGrid,
+        faces: &[ListedFace],
+        seen: &mut Seen,
+    ) -> f32 {
+        let mut nearest_of_all = f32::INFINITY;
+        self.begin(grid);
+        seen.clear();
+        for face in faces {
+            let Some(bounds) = source.bounds(face.ids) else { continue };
+            let nearest = source.nearest(face.ids);
+            nearest_of_all = less(nearest_of_all, nearest);
+            seen.push(SeenFace { face: *face, bounds, nearest });
+            self.count(bounds);
+        }
+        self.store(seen);
+        nearest_of_all
+    }
+
     /// Empties the lists.
     pub(in crate::render::cpu) fn begin(&mut self, grid: TileGrid) {
         self.grid = grid;

@@ -26,10 +26,10 @@ pub(super) mod boxes;
 pub(super) mod lanes;
 pub(super) mod lists;
 
-use super::ray::{Ray, ViewVertex, crossing};
+use super::ray::{Ray, ViewVertex, crossing, greater, less};
 use super::tiles::TILE_PX;
 use crate::camera::{Lattice, Samples, View};
-use boxes::{Bounds, least, most};
+use boxes::Bounds;
 use lanes::{BLOCK, COLUMNS, Lanes, PixelList};
 use lists::TileFace;
 
@@ -194,8 +194,8 @@ impl Faces {
                 let wide = wide * h[i][l].abs();
                 let here = px[i][l].abs() + py[i][l].abs() + wide;
                 let all = x[i][l].abs() + y[i][l].abs() + centre * h[i][l].abs() + wide;
-                reach[l] = if here > reach[l] { here } else { reach[l] };
-                summed[l] = if all > summed[l] { all } else { summed[l] };
+                reach[l] = greater(here, reach[l]);
+                summed[l] = greater(all, summed[l]);
             }
         }
         let (mut certain, mut coarse) = ([0.0; EIGHT], [0.0; EIGHT]);
@@ -294,8 +294,7 @@ impl Faces {
                 let mut some = [0.0; BLOCK];
                 for l in 0..BLOCK {
                     let [a, b, c] = edges.map(|[middle, per_dx, per_dy]| middle + dy[l] * per_dy + dx[l] * per_dx);
-                    let (least, most) = (least(least(a, b), c), most(most(a, b), c));
-                    some[l] = if -least < most { -least } else { most };
+                    some[l] = less(-less(less(a, b), c), greater(greater(a, b), c));
                 }
                 let missed = u32::from(lanes.less_f32(coarse, some));
                 count = lanes.push((asked & !missed) as u16, row * TILE_PX + column, list, count);
@@ -392,12 +391,9 @@ fn all_and_some([e0, e1, e2]: &[Eight; 3]) -> (Eight, Eight) {
     let (mut all, mut some) = ([0.0; EIGHT], [0.0; EIGHT]);
     for l in 0..EIGHT {
         let (a, b, c) = (e0[l], e1[l], e2[l]);
-        let least = if a < b { a } else { b };
-        let least = if least < c { least } else { c };
-        let most = if a > b { a } else { b };
-        let most = if most > c { most } else { c };
-        all[l] = if least > -most { least } else { -most };
-        some[l] = if -least < most { -least } else { most };
+        let (least, most) = (less(less(a, b), c), greater(greater(a, b), c));
+        all[l] = greater(least, -most);
+        some[l] = less(-least, most);
     }
     (all, some)
 }

@@ -215,10 +215,9 @@ impl EntryBins {
             lists.begin(grid);
             seen.clear();
             if !cancel.is_cancelled() {
-                let image = Bounds::of_image(source.view);
                 let needed = part.clone().filter(|&cluster| is_needed(needed, cluster));
                 for face in needed.flat_map(|cluster| &faces.clusters[cluster]) {
-                    if let Some(bounds) = source.bounds_from_front(face.ids, image) {
+                    if let Some(bounds) = source.bounds_from_front(face.ids) {
                         seen.push(SeenFace { face: *face, bounds, nearest: source.nearest(face.ids) });
                         lists.count(bounds);
                     }

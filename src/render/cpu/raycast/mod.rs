@@ -177,8 +177,6 @@ impl LayerRenderer for CellWalk {
 }
 
 impl RenderTiles for CellWalk {
-    type Job = WalkJob;
-
     fn tile_job(job: &WalkJob) -> &TileJob {
         &job.tiles
     }
