@@ -421,7 +421,12 @@ fn at_an_equal_number_of_faces_skipping_costs_no_accuracy() {
                     let level = |(surface, inner): (usize, usize)| (count - surface) as f64 / inner.max(1) as f64;
                     let on = select(topology, &ranking, level(few).min(1.0), &job.active);
                     let off = select(topology, &ranking, level(many).min(1.0), &finite);
-                    assert!(on.faces.count() <= off.faces.count() + 1, "{} and {} faces", on.faces.count(), off.faces.count());
+                    assert!(
+                        on.faces.count() <= off.faces.count() + 1,
+                        "{} and {} faces",
+                        on.faces.count(),
+                        off.faces.count()
+                    );
                     with_skipping += difference(&drawn(&job, on, job.active.clone()), &whole).0.powi(2);
                     without += difference(&drawn(&job, off, finite.clone()), &whole).0.powi(2);
                     compared += 1;
