@@ -79,7 +79,8 @@ impl SeriesSource for FadedSeries {
     }
 
     fn read(&self, field: &FieldInfo, component: Component, step: usize, out: &mut Vec<f32>) -> FileResult<()> {
-        if self.fields.first() != Some(field) || component == Component::Index(1) || step >= self.times.len() {
+        let has_component = !matches!(component, Component::Index(1..));
+        if self.fields.first() != Some(field) || !has_component || step >= self.times.len() {
             let place = format!("field '{}', step {step}", field.name);
             return Err(FileError::invalid(&self.description, place, "does not exist"));
         }

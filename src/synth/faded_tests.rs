@@ -61,6 +61,12 @@ fn scalars_fade_to_zero_in_equal_steps() {
         assert_eq!(out, [4.0 * left, -8.0 * left, 0.0, left]);
     }
     assert!(series.read(&series.fields()[0], Component::Index(0), 5, &mut out).is_err());
+    for i in [1, 2, usize::MAX] {
+        assert!(
+            series.read(&series.fields()[0], Component::Index(i), 0, &mut out).is_err(),
+            "there is no component {i}"
+        );
+    }
     assert!(FadedSeries::new("a", "s", mesh.clone(), vec![0.0; 4], 9, 5).is_err(), "8^9 cells");
     assert!(FadedSeries::new("a", "s", mesh, vec![0.0; 4], 0, 0).is_err());
 }
