@@ -4,7 +4,7 @@
 //! parts are kept. Problems never stop a window: they are reported as notices. Of two windows that write, the last one wins, except that
 //! recent files and looks of both are kept.
 
-use super::IMAGE_SCALES;
+use super::{IMAGE_SCALES, TARGET_FPS};
 use crate::camera::Camera;
 use crate::error::{FileError, FileResult};
 use crate::files;
@@ -30,8 +30,6 @@ const VERSION: u64 = 1;
 const BYTES_MAX: u64 = 4 << 20;
 /// Smallest and largest width or height of a window, points.
 const WINDOW_SIDE: [f32; 2] = [320.0, 16384.0];
-/// Smallest and largest target frame rate.
-const TARGET_RATE: [f64; 2] = [1.0, 240.0];
 /// Largest size of the frame cache, bytes.
 const FRAME_CACHE_MAX: u64 = 64 << 30;
 
@@ -166,7 +164,7 @@ impl Settings {
         let scale = finite(self.image_scale, default.image_scale);
         self.image_scale = scale.clamp(*IMAGE_SCALES.start(), *IMAGE_SCALES.end());
         let rate = finite(self.target_rate, default.target_rate);
-        self.target_rate = if rate <= 0.0 { 0.0 } else { rate.clamp(TARGET_RATE[0], TARGET_RATE[1]) };
+        self.target_rate = if rate <= 0.0 { 0.0 } else { rate.clamp(*TARGET_FPS.start(), *TARGET_FPS.end()) };
         self.frame_cache_bytes = self.frame_cache_bytes.min(FRAME_CACHE_MAX);
         self.screenshot_folder = self.screenshot_folder.filter(|folder| is_text(folder));
         self

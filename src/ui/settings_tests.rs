@@ -152,7 +152,7 @@ fn values_out_of_range_come_back_within_it() {
         window_size: WINDOW_SIDE,
         background: [0.0, 0.5, 1.0],
         image_scale: *IMAGE_SCALES.end(),
-        target_rate: TARGET_RATE[0],
+        target_rate: *TARGET_FPS.start(),
         frame_cache_bytes: FRAME_CACHE_MAX,
         ..Default::default()
     };
@@ -164,6 +164,13 @@ fn values_out_of_range_come_back_within_it() {
     let text = fs::read_to_string(dir.path().join("settings.json")).unwrap();
     let value: Value = serde_json::from_str(&text).unwrap();
     assert_eq!(value["of_the_future"], serde_json::json!([1, {"a": null}]), "unknown keys stay");
+}
+
+#[test]
+fn a_target_rate_is_one_that_a_session_takes() {
+    let dir = tempfile::tempdir().unwrap();
+    fs::write(dir.path().join("settings.json"), r#"{"version": 1, "target_rate": 200}"#).unwrap();
+    assert_eq!(SettingsFile::at(dir.path()).load().0.target_rate, *TARGET_FPS.end());
 }
 
 #[test]
