@@ -19,8 +19,7 @@ impl Terminal {
     pub(super) fn new(quiet: bool, verbose: bool) -> Self {
         let cancel = Cancel::new();
         let flag = cancel.clone();
-        // Without a handler Ctrl-C ends the process at once and leaves temporary files: reported, but not fatal. A second Ctrl-C ends the
-        // process at once.
+        // Without a handler Ctrl-C leaves temporary files: reported, but not fatal. A second Ctrl-C ends the process at once.
         let on_signal = move || {
             if flag.is_cancelled() {
                 std::process::exit(i32::from(super::EXIT_INTERRUPTED));

@@ -255,9 +255,6 @@ fn visibility_is_that_of_the_transfer_function() {
     for (s0, s1) in [(0.09, 0.098), (0.0, 0.2), (0.5, 0.0), (0.115, 0.3)] {
         assert_eq!(table.exact().transparent_share(s0, s1), exact.transparent_share(s0, s1));
     }
-    let mut light = Accumulator::TRANSPARENT;
-    exact.segment(&mut exact.enter(0.0), 0.0, 0.2, 0.3, &mut light);
-    assert_eq!(light.pixel(), pixel(&exact, 0.0, 0.2, 0.3));
 }
 
 #[test]

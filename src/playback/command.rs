@@ -25,7 +25,6 @@ pub enum Command {
     SeekTime(f64),
     /// Sets the speed, in the unit of the current mode ([`Mode`]); above 0, finite. In the mode without a speed it is kept for
     /// [`Mode::EveryStep`].
-    /// [`Mode::EveryStep`].
     Speed(f64),
     /// Sets the direction.
     Direction(Direction),

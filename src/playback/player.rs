@@ -136,7 +136,6 @@ impl Player {
 
     /// Replaces a series that has grown: `series` has the same steps and more ([`Store::refreshed`](crate::store::Store::refreshed),
     /// [`Series::reopened`]). The frame on the screen is requested again: its step may have been encoded anew.
-    /// [`Series::reopened`]). What is on the screen is asked for again: its step may have been encoded anew.
     ///
     /// # Errors
     /// If `series` is another series; nothing has changed then.

@@ -3,7 +3,6 @@
 //! A project names a dataset and a field, keeps ensembles of transfer functions, and on one timeline the keys of what changes: ensembles,
 //! range maps of their members, camera, level of detail, optics. [`Animation`] evaluates it at a time; [`Edit`] changes it, and [`History`]
 //! undoes changes.
-//! [`Edit`] changes it, and [`History`] takes changes back.
 
 mod animation;
 mod edit;

@@ -38,9 +38,9 @@ pub struct IntegrationRun {
     pub segments: usize,
     /// Largest error of a channel of premultiplied colour.
     pub color_max: f64,
-    /// Root mean square over segments and channels.
-    pub color_rms: f64,
     /// Root mean square error of colour, over segments and channels.
+    pub color_rms: f64,
+    /// Largest error of opacity.
     pub opacity_max: f64,
     /// Root mean square error of opacity, over segments.
     pub opacity_rms: f64,

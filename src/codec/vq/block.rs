@@ -10,7 +10,6 @@
 //! compiler gathers 16 numbers at once: 0.39 ns a vertex instead of 0.60 on a Xeon (1024 entries: 0.42, 0.69). Columns of 256 numbers are
 //! looked up in registers there ([`LookUp`]): an EPYC needs 0.33 of a plain loop's time for it, and 0.89 when it gathers. Tried and not
 //! kept: indices loaded eight at a time and shifted apart (0.52; 0.59), sums in a buffer of 64 numbers (0.43; 0.48).
-//! in a buffer of 64 numbers (0.43; 0.48).
 
 #[cfg(target_arch = "x86_64")]
 use super::lookup::LookUp;
