@@ -64,7 +64,7 @@ fn parse_color(text: &str) -> Result<[f32; 3], String> {
 pub(super) fn run(args: &Args, words: &[OsString], terminal: &Terminal) -> anyhow::Result<Outcome> {
     match &*args.paths {
         [path] if project::is_project(path) => {
-            let opened = project::open::<Args>(path, words, "play")?;
+            let opened = project::open::<Args>(path, words, project::Taker::Play)?;
             let played = play(&[opened.source], &opened.args, Some(opened.project), terminal);
             played.map_err(|error| project::in_file(error, Some(path)))
         }

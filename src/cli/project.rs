@@ -26,6 +26,25 @@ pub(super) struct Opened<A> {
     pub(super) args: Box<A>,
 }
 
+/// A command that takes a project.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Taker {
+    Render,
+    #[cfg(feature = "gui")]
+    Play,
+}
+
+impl Taker {
+    /// Name of the subcommand.
+    fn word(self) -> &'static str {
+        match self {
+            Self::Render => "render",
+            #[cfg(feature = "gui")]
+            Self::Play => "play",
+        }
+    }
+}
+
 /// Options that timeline keys would change from frame to frame; given by the user, they hold for all frames.
 const ON_THE_TIMELINE: [&str; 4] = ["tf", "camera", "lod", "optics"];
 
@@ -34,10 +53,10 @@ pub(super) fn is_project(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
 }
 
-/// Reads the project, and parses the options again with those of the project; `word` is the subcommand, `render` or `play`.
-pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], word: &str) -> anyhow::Result<Opened<A>> {
+/// Reads the project, and parses the options again with those of the project.
+pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Taker) -> anyhow::Result<Opened<A>> {
     let mut project = Project::read(path)?;
-    let wrong = "a project is for another command";
+    let (word, wrong) = (taker.word(), "a project is for another command");
     let given = Cli::command().try_get_matches_from(words)?;
     let given = given.subcommand_matches(word).context(wrong)?;
     let says = |option: &str| given.value_source(option) == Some(ValueSource::CommandLine);
@@ -76,7 +95,7 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], word: &st
     }
     let folder = files::parent_of(path);
     let mut options = scene_options(&project)?;
-    if word == "render" {
+    if taker == Taker::Render {
         leave_out_what_does_not_fit(&mut project.output, given);
         options.extend(output_options(&project, folder)?);
     }

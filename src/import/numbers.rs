@@ -50,13 +50,26 @@ pub(super) use with_type;
 impl Number {
     /// The integer type of this many bytes.
     pub(super) fn integer(bytes: u8, signed: bool) -> Option<Self> {
-        let kind = if signed { "Int" } else { "UInt" };
-        format!("{kind}{}", 8 * u32::from(bytes)).parse().ok()
+        Some(match (bytes, signed) {
+            (1, true) => Self::Int8,
+            (1, false) => Self::UInt8,
+            (2, true) => Self::Int16,
+            (2, false) => Self::UInt16,
+            (4, true) => Self::Int32,
+            (4, false) => Self::UInt32,
+            (8, true) => Self::Int64,
+            (8, false) => Self::UInt64,
+            _ => return None,
+        })
     }
 
     /// The float type of this many bytes.
     pub(super) fn float(bytes: u8) -> Option<Self> {
-        format!("Float{}", 8 * u32::from(bytes)).parse().ok()
+        match bytes {
+            4 => Some(Self::Float32),
+            8 => Some(Self::Float64),
+            _ => None,
+        }
     }
 
     /// Bytes of one number.

@@ -55,7 +55,18 @@ pub struct StoredField {
     pub(super) component_folders: Vec<String>,
     /// Coding of its own values; `None` for a magnitude.
     #[serde(skip)]
-    pub(super) coding: Option<Arc<dyn Coding>>,
+    coding: Option<OwnCoding>,
+}
+
+/// The coding of a field, which has the codec and the parameters that it is made of beside it.
+#[derive(Clone, Debug)]
+struct OwnCoding(Arc<dyn Coding>);
+
+impl PartialEq for OwnCoding {
+    /// Fields are compared by their codecs and parameters.
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
 }
 
 /// Coding of the own values of a field with these attributes; `None` if it is the norm of others.
@@ -110,19 +121,19 @@ impl StoredField {
             checksums: read_checksums(root, source, &group, steps)?,
             folder: folder.to_owned(),
             component_folders: attributes.magnitude_of,
-            coding,
+            coding: coding.map(OwnCoding),
         })
     }
 
     /// Paths of its own value arrays below the root, whatever the number of values.
     pub(super) fn array_paths(&self) -> impl Iterator<Item = String> {
-        let arrays = self.coding.iter().flat_map(|coding| coding.arrays(1, 1));
+        let arrays = self.coding().into_iter().flat_map(|coding| coding.arrays(1, 1));
         arrays.map(|array| format!("{FIELDS}/{}/{}", self.folder, array.name))
     }
 
     /// Coding of its own values; `None` for a magnitude.
     pub fn coding(&self) -> Option<&dyn Coding> {
-        self.coding.as_deref()
+        self.coding.as_ref().map(|OwnCoding(coding)| &**coding)
     }
 
     /// A decoder of the field's own values, with its blocks in `cache` if there is one; `None` for a magnitude.

@@ -42,7 +42,7 @@ impl TransparentIntervals {
             if at == 0 {
                 found.add(first.tau == 0.0, f64::NEG_INFINITY, first.scalar);
             }
-            found.add(is_transparent(nodes), first.scalar, first.scalar);
+            found.add_point(is_transparent(nodes), first.scalar);
             let (transparent, end) = match groups.get(at + 1) {
                 Some(next) => (last.tau == 0.0 && next[0].tau == 0.0, next[0].scalar),
                 None => (last.tau == 0.0, f64::INFINITY),
@@ -183,9 +183,18 @@ struct Found {
 }
 
 impl Found {
-    /// Adds a piece without its ends, or, if both are equal, a single scalar.
+    /// Adds an open piece.
     fn add(&mut self, transparent: bool, lo: f64, hi: f64) {
-        let is_in = lo == hi;
+        self.add_part(transparent, [lo, hi], false);
+    }
+
+    /// Adds a single scalar.
+    fn add_point(&mut self, transparent: bool, at: f64) {
+        self.add_part(transparent, [at, at], true);
+    }
+
+    /// Adds what lies between two scalars, with these themselves if `is_in`.
+    fn add_part(&mut self, transparent: bool, [lo, hi]: [f64; 2], is_in: bool) {
         match (&mut self.open, transparent) {
             (Some(open), true) => (open.hi, open.hi_is_in) = (hi, is_in),
             (None, true) => self.open = Some(Interval { lo, hi, lo_is_in: is_in, hi_is_in: is_in }),

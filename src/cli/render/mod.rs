@@ -250,7 +250,7 @@ fn is_within(path: &Path, other: &Path) -> bool {
 /// Runs the command; `words` are the whole command line, which overrides a project.
 pub(super) fn run(args: &Args, words: &[OsString], terminal: &Terminal) -> anyhow::Result<Outcome> {
     if project::is_project(&args.store) {
-        let Opened { project, source, mut args } = project::open::<Args>(&args.store, words, "render")?;
+        let Opened { project, source, mut args } = project::open::<Args>(&args.store, words, project::Taker::Render)?;
         args.project = Some(std::mem::replace(&mut args.store, source));
         return render(&args, Some(&project), terminal);
     }

@@ -63,7 +63,7 @@ pub struct JudgedJob {
     job: RenderJob,
     view: View,
     cells: Vec<Cell>,
-    /// The mean gradient at each vertex, if surfaces have smooth normals.
+    /// The direction of the gradient at each vertex, if surfaces have smooth normals.
     gradients: Vec<DVec3>,
     /// Pixels of a band.
     band: usize,

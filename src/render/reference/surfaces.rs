@@ -22,7 +22,7 @@ fn gradient(job: &RenderJob, cell: u32) -> DVec3 {
     edges.inverse() * DVec3::new(sa - so, sb - so, sc - so)
 }
 
-/// The volume-weighted mean gradient of the finite cells around each vertex, for smooth normals.
+/// The direction of the volume-weighted mean gradient of the finite cells around each vertex, of unit length, or zero; for smooth normals.
 pub(super) fn gradients_at_vertices(job: &RenderJob) -> Vec<DVec3> {
     let mut sums = vec![DVec3::ZERO; job.mesh.positions.local.len()];
     for (cell, tet) in (0..).zip(&job.mesh.topology.tets) {
@@ -46,7 +46,7 @@ pub(super) fn toward_eye(normal: DVec3, direction: DVec3) -> DVec3 {
 /// A medium with surfaces in it, for one ray.
 pub(super) struct WithSurfaces<'a, M> {
     pub(super) volume: &'a M,
-    /// The mean gradient at each vertex, for smooth normals.
+    /// The direction of the gradient at each vertex, for smooth normals.
     pub(super) gradients: &'a [DVec3],
     pub(super) job: &'a RenderJob,
     pub(super) scene: &'a SurfaceScene,
