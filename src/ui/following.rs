@@ -26,7 +26,7 @@ const LOOKS_TRUSTED: u32 = 10;
 /// A store that has grown, or that its owner has.
 #[derive(Clone, Debug)]
 pub struct Grown {
-    /// The reopened store.
+    /// The store, reopened if it has grown.
     pub store: Arc<Store>,
     /// The followed field of the store, with the mesh and the blocks in memory of the series that it continues.
     pub series: Arc<Series>,

@@ -17,9 +17,20 @@ pub struct SettingsKeeper {
     sent: Settings,
     /// The settings at the last tick, and when they last changed.
     seen: (Settings, Duration),
-    to: Option<Sender<Settings>>,
-    written: Receiver<(Settings, Option<String>)>,
+    /// Number of settings sent.
+    sends: u64,
+    to: Option<Sender<(u64, Settings)>>,
+    written: Receiver<Written>,
     writer: Option<JoinHandle<()>>,
+}
+
+/// Settings as they were written.
+#[derive(Debug)]
+struct Written {
+    /// Number of the last settings sent that they contain.
+    sends: u64,
+    settings: Settings,
+    notice: Option<String>,
 }
 
 impl SettingsKeeper {
@@ -29,19 +40,19 @@ impl SettingsKeeper {
     /// If the system gives no thread.
     pub fn open(mut file: SettingsFile, wake: impl Fn() + Send + 'static) -> io::Result<(Self, Option<String>)> {
         let (settings, notice) = file.load();
-        let (to, waiting) = unbounded::<Settings>();
+        let (to, waiting) = unbounded();
         let (tell, written) = unbounded();
         let writer = std::thread::Builder::new().name("settings".to_owned()).spawn(move || {
             while let Ok(newest) = waiting.recv() {
-                let mut newest = waiting.try_iter().last().unwrap_or(newest);
-                let notice = file.save(&mut newest);
+                let (sends, mut settings) = waiting.try_iter().last().unwrap_or(newest);
+                let notice = file.save(&mut settings);
                 // The receiver is gone after a drop.
-                let _ = tell.send((newest, notice));
+                let _ = tell.send(Written { sends, settings, notice });
                 wake();
             }
         })?;
         let (sent, seen) = (settings.clone(), (settings.clone(), Duration::ZERO));
-        Ok((Self { settings, sent, seen, to: Some(to), written, writer: Some(writer) }, notice))
+        Ok((Self { settings, sent, seen, sends: 0, to: Some(to), written, writer: Some(writer) }, notice))
     }
 
     /// The settings.
@@ -57,11 +68,11 @@ impl SettingsKeeper {
     /// Writes changes that are old enough. Returns a message for the user, and when to call again.
     pub fn tick(&mut self, now: Duration) -> (Option<String>, Option<Duration>) {
         let mut told = None;
-        while let Ok((written, notice)) = self.written.try_recv() {
-            told = notice.or(told);
-            // Recent files and looks of other windows.
-            if self.settings == self.sent {
-                self.settings = written;
+        while let Ok(written) = self.written.try_recv() {
+            told = written.notice.or(told);
+            // Recent files and looks of other windows, unless newer settings are being written.
+            if self.settings == self.sent && written.sends == self.sends {
+                self.settings = written.settings;
                 (self.sent, self.seen.0) = (self.settings.clone(), self.settings.clone());
             }
         }
@@ -84,8 +95,9 @@ impl SettingsKeeper {
             && let Some(to) = &self.to
         {
             self.sent = self.settings.clone();
+            self.sends += 1;
             // A writer that ended has reported why.
-            let _ = to.send(self.sent.clone());
+            let _ = to.send((self.sends, self.sent.clone()));
         }
     }
 }
@@ -124,6 +136,26 @@ mod tests {
         drop(keeper);
         let (kept, _) = SettingsFile::at(dir.path()).load();
         assert_eq!((kept.image_scale, kept.target_rate), (0.75, 30.0));
+    }
+
+    #[test]
+    fn settings_that_were_written_before_newer_ones_do_not_come_back() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut keeper = open(dir.path());
+        let (tell, written) = unbounded();
+        keeper.written = written;
+        for (image_scale, shows_side) in [(1.5, false), (2.0, true)] {
+            keeper.settings_mut().shows_side = shows_side;
+            keeper.settings_mut().image_scale = image_scale;
+            keeper.send();
+        }
+        let older = Settings { shows_side: false, ..keeper.settings().clone() };
+        tell.send(Written { sends: 1, settings: older.clone(), notice: None }).unwrap();
+        keeper.tick(Duration::ZERO);
+        assert!(keeper.settings().shows_side);
+        tell.send(Written { sends: 2, settings: older, notice: None }).unwrap();
+        keeper.tick(Duration::ZERO);
+        assert!(!keeper.settings().shows_side, "what was written last comes back");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use crate::task::Cancel;
 use std::io;
 use std::sync::{Arc, Mutex};
 
-/// Default width of thumbnails, pixels.
+/// Width of the timeline's thumbnails, pixels.
 pub const WIDTH_PX: usize = 160;
 
 /// Number of thumbnails kept.
