@@ -129,7 +129,7 @@ impl ExactTable {
         }
     }
 
-    /// The table as `shaders/lib/optics_exact.wgsl` reads it, over scalars seen through `map`: per interval (lo, hi,
+    /// The table as `shaders/lib/optics_intervals.wgsl` reads it, over scalars seen through `map`: per interval (lo, hi,
     /// width, 1 / width or 0), colour and extinction at lo, their rise to hi. Widths are those before rounding: an
     /// interval too narrow for f32 at its place still has one.
     pub fn packed(&self, map: ScalarMap) -> Vec<[f32; 4]> {

@@ -6,7 +6,8 @@ use super::target::texture;
 use crate::render::RenderError;
 use std::sync::Arc;
 
-/// A frame on the GPU of a window, in [`FrameTexture::FORMAT`]: premultiplied accumulators, row 0 on top.
+/// A frame on the GPU of a window, as `Rgba16Float`: premultiplied accumulators, row 0 on top. The format is filterable and writable on
+/// every GPU; its 11 significant bits are three more than a screen shows.
 #[derive(Clone, Debug)]
 pub struct FrameTexture {
     context: Arc<Context>,
@@ -16,9 +17,6 @@ pub struct FrameTexture {
 }
 
 impl FrameTexture {
-    /// Filterable and writable on every GPU; its 11 significant bits are three more than a screen shows.
-    pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
-
     pub(super) fn new(context: &Arc<Context>, size_px: (usize, usize)) -> Result<Self, RenderError> {
         let texture = texture(context, Resource::Screen, size_px, wgpu::TextureUsages::empty())?;
         Ok(Self { context: context.clone(), texture, source: None })

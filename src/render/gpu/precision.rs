@@ -36,15 +36,19 @@ pub(super) struct PrecisionChoice {
 impl PrecisionChoice {
     /// The precision that a job needs; `Single` without f64.
     pub(super) fn of(&mut self, has_f64: bool, job: &RenderJob) -> Precision {
+        if !has_f64 {
+            return Precision::Single;
+        }
+        let has_normals = has_normals(job);
         let steepest = job.table.nodes().iter().map(|node| node.tau).fold(0.0, f64::max);
         let per_local_unit = steepest * job.mesh.positions.scale;
         // No edge of a mesh within [-1, 1] is longer.
         let longest_possible = 12f64.sqrt();
-        if !has_f64 || !has_normals(job) && per_local_unit * longest_possible <= OPTICAL_DEPTH_MAX {
+        if !has_normals && per_local_unit * longest_possible <= OPTICAL_DEPTH_MAX {
             return Precision::Single;
         }
         let longest = self.longest_thin_edge(&job.mesh);
-        if has_normals(job) && longest > 0.0 || per_local_unit * longest > OPTICAL_DEPTH_MAX {
+        if (has_normals && longest > 0.0) || per_local_unit * longest > OPTICAL_DEPTH_MAX {
             Precision::Double
         } else {
             Precision::Single

@@ -248,7 +248,7 @@ pub struct RecordSplit {
 pub const RECORD_PARTS_MAX: u32 = 3;
 
 /// Bytes of a cell's record: four vertices, four neighbours.
-const RECORD_BYTES: u64 = 32;
+const RECORD_BYTES: u64 = size_of::<[[u32; 4]; 2]>() as u64;
 
 impl RecordSplit {
     /// How `cells` records are split if a binding holds at most `binding_bytes`; `None` if they do not fit.

@@ -55,7 +55,8 @@ impl Scene {
     }
 
     /// Uploads what is not on the GPU yet, completes the parameters, and returns the target. The caller has asked
-    /// [`Table::is_transparent`](crate::render::gpu::table::Table::is_transparent). `how` is the geometry's precision, and whether sampling is adaptive.
+    /// [`Table::is_transparent`](crate::render::gpu::table::Table::is_transparent). `how` is the geometry's precision, and whether sampling
+    /// is adaptive.
     pub(super) fn update(
         &mut self,
         context: &Context,
