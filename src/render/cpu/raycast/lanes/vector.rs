@@ -414,27 +414,38 @@ impl Lanes for V3 {
 
     #[inline(always)]
     fn across(self, tets: [&[u32; 4]; LANES], neighbours: [&[u32; 4]; LANES], gone: __m256i) -> __m256i {
-        let gone: [u32; LANES] = cast(gone);
-        let mut found = [0; LANES];
-        for l in 0..LANES {
-            let [_, b, c, d] = tets[l].map(|v| usize::from(v == gone[l]));
-            found[l] = neighbours[l][(b + 2 * c + 3 * d) & 3];
+        let [a, b, c, d, e, f, g, h] = tets;
+        let tets: [__m256i; 4] = [cast([*a, *e]), cast([*b, *f]), cast([*c, *g]), cast([*d, *h])];
+        let [a, b, c, d, e, f, g, h] = neighbours;
+        let neighbours: [__m256i; 4] = [cast([*a, *e]), cast([*b, *f]), cast([*c, *g]), cast([*d, *h])];
+        let gone = [
+            self.avx2._mm256_shuffle_epi32::<0x00>(gone),
+            self.avx2._mm256_shuffle_epi32::<0x55>(gone),
+            self.avx2._mm256_shuffle_epi32::<0xaa>(gone),
+            self.avx2._mm256_shuffle_epi32::<0xff>(gone),
+        ];
+        let mut kept = tets;
+        for (kept, (&neighbours, &gone)) in kept.iter_mut().zip(neighbours.iter().zip(&gone)) {
+            *kept = self.avx2._mm256_and_si256(self.avx2._mm256_cmpeq_epi32(*kept, gone), neighbours);
         }
-        cast(found)
+        // One number of each row is not zero: the sum of the row.
+        let sums = [self.avx2._mm256_hadd_epi32(kept[0], kept[1]), self.avx2._mm256_hadd_epi32(kept[2], kept[3])];
+        self.avx2._mm256_hadd_epi32(sums[0], sums[1])
     }
 }
 
 /// The columns of four rows.
 #[inline(always)]
 fn transpose_four(v3: V3, [a, b, c, d]: [&[f64; 4]; 4]) -> [__m256d; 4] {
-    let [a, b, c, d]: [__m256d; 4] = [cast(*a), cast(*b), cast(*c), cast(*d)];
-    let even = [v3.avx._mm256_unpacklo_pd(a, b), v3.avx._mm256_unpacklo_pd(c, d)];
-    let odd = [v3.avx._mm256_unpackhi_pd(a, b), v3.avx._mm256_unpackhi_pd(c, d)];
+    let [[a0, a1], [b0, b1], [c0, c1], [d0, d1]]: [[[f64; 2]; 2]; 4] = [cast(*a), cast(*b), cast(*c), cast(*d)];
+    // Halves of rows are put together as they are loaded.
+    let first: [__m256d; 2] = [cast([a0, c0]), cast([b0, d0])];
+    let last: [__m256d; 2] = [cast([a1, c1]), cast([b1, d1])];
     [
-        v3.avx._mm256_permute2f128_pd::<0x20>(even[0], even[1]),
-        v3.avx._mm256_permute2f128_pd::<0x20>(odd[0], odd[1]),
-        v3.avx._mm256_permute2f128_pd::<0x31>(even[0], even[1]),
-        v3.avx._mm256_permute2f128_pd::<0x31>(odd[0], odd[1]),
+        v3.avx._mm256_unpacklo_pd(first[0], first[1]),
+        v3.avx._mm256_unpackhi_pd(first[0], first[1]),
+        v3.avx._mm256_unpacklo_pd(last[0], last[1]),
+        v3.avx._mm256_unpackhi_pd(last[0], last[1]),
     ]
 }
 

@@ -112,7 +112,8 @@ impl<L: Lanes> ExactLights<'_, L> {
         if self.opaque >> lane & 1 == 1 {
             return;
         }
-        let rgba = [0, 1, 2, 3].map(|i| self.rgba[i][lane]);
+        let [r, g, b, a] = &self.rgba;
+        let rgba = [r[lane], g[lane], b[lane], a[lane]];
         let mut light = Accumulator::of_parts(rgba, self.transmittance[lane], self.carried[lane]);
         let colors = self.optics.table.whole(falls).colors(first);
         for ((&near, &far), &[near_color, far_color]) in near.iter().zip(far).zip(colors).take(count) {
