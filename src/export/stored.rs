@@ -1,7 +1,7 @@
 //! A store as a source: its steps decoded, in the numbering of the file that it was imported from.
 //!
 //! The store has the source index of each vertex and cell. Points and cells dropped by the import (points that no cell used, flat and
-//! duplicate cells) are missing; the others keep their order. Cells with reversed orientation are reversed back. Points are those of the
+//! duplicate cells) are missing; the others keep their order. Cells that were split come back as their tetrahedra. Cells with reversed orientation are reversed back. Points are those of the
 //! source, bit for bit. (A store of an older version gives them to within 2^-25 of its frame, which is half the longest side of the mesh's
 //! box, rounded up to a power of two.)
 
@@ -115,7 +115,7 @@ fn grouped(fields: &[StoredField]) -> Vec<(String, Vec<String>)> {
 /// Indices sorted by their sources.
 fn order_of(sources: &[u32]) -> Vec<u32> {
     let mut order: Vec<u32> = (0_u32..).take(sources.len()).collect();
-    order.sort_unstable_by_key(|&i| sources[i as usize]);
+    order.sort_by_key(|&i| sources[i as usize]);
     order
 }
 

@@ -1,19 +1,35 @@
-//! Points and tetrahedra of a step, collected piece by piece, and which cell types are kept, skipped or refused.
+//! Points and cells of a step, collected piece by piece, and which cell types are kept, skipped or refused.
 
 use crate::error::{FileError, FileResult};
-use crate::mesh::RawMesh;
+use crate::mesh::{RawMesh, Shape};
 use std::collections::BTreeMap;
 use std::path::Path;
+
+use Shape::{HexagonalPrism, Hexahedron, PentagonalPrism, Pyramid, Wedge};
+use Sides::{Curved, Linear};
 
 /// The treatment of a VTK cell type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// A linear tetrahedron.
-    Tet,
     /// A cell of 0, 1 or 2 dimensions, without a volume to integrate through.
     Flat,
+    /// A tetrahedron.
+    Tet(Sides),
+    /// A hexahedron with axis-parallel edges, whose corners are in another order.
+    Voxel,
+    /// A cell that is split.
+    Solid(Shape, Sides),
     /// Another cell with a volume.
-    Solid,
+    Unread,
+}
+
+/// The sides of a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Sides {
+    /// Linear: the cell has its corners alone.
+    Linear,
+    /// Of a higher order: the corners come first, and alone are read.
+    Curved,
 }
 
 /// Number, name and kind of the cell types of VTK (`vtkCellType.h`).
@@ -21,40 +37,51 @@ pub(super) enum Kind {
 const CELL_TYPES: &[(u8, &str, Kind)] = &[
     (0, "empty cell", Kind::Flat), (1, "vertex", Kind::Flat), (2, "poly-vertex", Kind::Flat), (3, "line", Kind::Flat),
     (4, "polyline", Kind::Flat), (5, "triangle", Kind::Flat), (6, "triangle strip", Kind::Flat),
-    (7, "polygon", Kind::Flat), (8, "pixel", Kind::Flat), (9, "quad", Kind::Flat), (10, "tetrahedron", Kind::Tet),
-    (11, "voxel", Kind::Solid), (12, "hexahedron", Kind::Solid), (13, "wedge", Kind::Solid),
-    (14, "pyramid", Kind::Solid), (15, "pentagonal prism", Kind::Solid), (16, "hexagonal prism", Kind::Solid),
+    (7, "polygon", Kind::Flat), (8, "pixel", Kind::Flat), (9, "quad", Kind::Flat),
+    (10, "tetrahedron", Kind::Tet(Linear)), (11, "voxel", Kind::Voxel),
+    (12, "hexahedron", Kind::Solid(Hexahedron, Linear)), (13, "wedge", Kind::Solid(Wedge, Linear)),
+    (14, "pyramid", Kind::Solid(Pyramid, Linear)), (15, "pentagonal prism", Kind::Solid(PentagonalPrism, Linear)),
+    (16, "hexagonal prism", Kind::Solid(HexagonalPrism, Linear)),
     (21, "quadratic edge", Kind::Flat), (22, "quadratic triangle", Kind::Flat), (23, "quadratic quad", Kind::Flat),
-    (24, "quadratic tetrahedron", Kind::Solid), (25, "quadratic hexahedron", Kind::Solid),
-    (26, "quadratic wedge", Kind::Solid), (27, "quadratic pyramid", Kind::Solid),
-    (28, "biquadratic quad", Kind::Flat), (29, "triquadratic hexahedron", Kind::Solid),
-    (30, "quadratic linear quad", Kind::Flat), (31, "quadratic linear wedge", Kind::Solid),
-    (32, "biquadratic quadratic wedge", Kind::Solid), (33, "biquadratic quadratic hexahedron", Kind::Solid),
+    (24, "quadratic tetrahedron", Kind::Tet(Curved)), (25, "quadratic hexahedron", Kind::Solid(Hexahedron, Curved)),
+    (26, "quadratic wedge", Kind::Solid(Wedge, Curved)), (27, "quadratic pyramid", Kind::Solid(Pyramid, Curved)),
+    (28, "biquadratic quad", Kind::Flat), (29, "triquadratic hexahedron", Kind::Solid(Hexahedron, Curved)),
+    (30, "quadratic linear quad", Kind::Flat), (31, "quadratic linear wedge", Kind::Solid(Wedge, Curved)),
+    (32, "biquadratic quadratic wedge", Kind::Solid(Wedge, Curved)),
+    (33, "biquadratic quadratic hexahedron", Kind::Solid(Hexahedron, Curved)),
     (34, "biquadratic triangle", Kind::Flat), (35, "cubic line", Kind::Flat), (36, "quadratic polygon", Kind::Flat),
-    (37, "triquadratic pyramid", Kind::Solid), (41, "convex point set", Kind::Solid), (42, "polyhedron", Kind::Solid),
+    (37, "triquadratic pyramid", Kind::Solid(Pyramid, Curved)), (41, "convex point set", Kind::Unread),
+    (42, "polyhedron", Kind::Unread),
     (51, "parametric curve", Kind::Flat), (52, "parametric surface", Kind::Flat),
     (53, "parametric triangle surface", Kind::Flat), (54, "parametric quad surface", Kind::Flat),
-    (55, "parametric tetrahedron region", Kind::Solid), (56, "parametric hexahedron region", Kind::Solid),
+    (55, "parametric tetrahedron region", Kind::Unread), (56, "parametric hexahedron region", Kind::Unread),
     (60, "higher order edge", Kind::Flat), (61, "higher order triangle", Kind::Flat),
     (62, "higher order quad", Kind::Flat), (63, "higher order polygon", Kind::Flat),
-    (64, "higher order tetrahedron", Kind::Solid), (65, "higher order wedge", Kind::Solid),
-    (66, "higher order pyramid", Kind::Solid), (67, "higher order hexahedron", Kind::Solid),
+    (64, "higher order tetrahedron", Kind::Unread), (65, "higher order wedge", Kind::Unread),
+    (66, "higher order pyramid", Kind::Unread), (67, "higher order hexahedron", Kind::Unread),
     (68, "Lagrange curve", Kind::Flat), (69, "Lagrange triangle", Kind::Flat), (70, "Lagrange quad", Kind::Flat),
-    (71, "Lagrange tetrahedron", Kind::Solid), (72, "Lagrange hexahedron", Kind::Solid),
-    (73, "Lagrange wedge", Kind::Solid), (74, "Lagrange pyramid", Kind::Solid), (75, "Bezier curve", Kind::Flat),
-    (76, "Bezier triangle", Kind::Flat), (77, "Bezier quad", Kind::Flat), (78, "Bezier tetrahedron", Kind::Solid),
-    (79, "Bezier hexahedron", Kind::Solid), (80, "Bezier wedge", Kind::Solid), (81, "Bezier pyramid", Kind::Solid),
+    (71, "Lagrange tetrahedron", Kind::Tet(Curved)), (72, "Lagrange hexahedron", Kind::Solid(Hexahedron, Curved)),
+    (73, "Lagrange wedge", Kind::Solid(Wedge, Curved)), (74, "Lagrange pyramid", Kind::Solid(Pyramid, Curved)),
+    (75, "Bezier curve", Kind::Flat), (76, "Bezier triangle", Kind::Flat), (77, "Bezier quad", Kind::Flat),
+    (78, "Bezier tetrahedron", Kind::Tet(Curved)), (79, "Bezier hexahedron", Kind::Solid(Hexahedron, Curved)),
+    (80, "Bezier wedge", Kind::Solid(Wedge, Curved)), (81, "Bezier pyramid", Kind::Solid(Pyramid, Curved)),
 ];
 
 /// Collects the mesh of a step, piece by piece.
 #[derive(Default)]
 pub(super) struct GridReader {
-    /// Points and tetrahedra of all pieces.
+    /// Points and cells of all pieces.
     pub(super) mesh: RawMesh,
     /// Index of each tetrahedron among all cells of all pieces.
-    pub(super) kept: Vec<u32>,
+    tets: Vec<u32>,
+    /// Likewise for the cells of other shapes.
+    solids: Vec<u32>,
     /// Number of cells of all complete pieces.
     pub(super) cells: usize,
+    /// Number of cells that are split, by type.
+    split: BTreeMap<u8, usize>,
+    /// Number of curved cells, by type.
+    curved: BTreeMap<u8, usize>,
     /// Number of skipped cells by type.
     skipped: BTreeMap<u8, usize>,
     /// Number of skipped duplicates of another piece's cells.
@@ -83,40 +110,72 @@ impl GridReader {
         }
     }
 
-    /// Adds cell `cell` of the current piece, which has `points` points, the first of them `first_point`.
+    /// Adds cell `cell` of the current piece, which has `points` points, the first of them `first_point`. `number` is its VTK type.
     ///
     /// # Errors
-    /// If it has not four vertices, or one that is no point; the message says which.
-    pub(super) fn push_tet(
+    /// If it has a wrong number of vertices, or one that is no point; the message says which. The type must be one that is read.
+    pub(super) fn push(
         &mut self,
-        cell: usize,
+        (cell, number): (usize, u8),
         vertices: &[u64],
         points: usize,
         first_point: usize,
     ) -> Result<(), String> {
-        let &[a, b, c, d] = vertices else {
-            return Err(format!("tetrahedron {cell} has {} vertices", vertices.len()));
+        let (shape, sides) = match kind_of(number.into()) {
+            Some((_, Kind::Tet(sides))) => (None, sides),
+            Some((_, Kind::Voxel)) => (Some(Hexahedron), Linear),
+            Some((_, Kind::Solid(shape, sides))) => (Some(shape), sides),
+            _ => return Err(format!("cell {cell} is of type {number}, which is not read")),
         };
-        let mut tet = [0; 4];
-        for (slot, vertex) in tet.iter_mut().zip([a, b, c, d]) {
-            if vertex >= points as u64 {
-                return Err(format!("cell {cell} has vertex {vertex}, but there are {points} points"));
-            }
-            // In range: the number of points of all pieces is.
-            *slot = (first_point + vertex as usize) as u32;
+        let (name, corners) = (name_of(number), shape.map_or(4, Shape::corners));
+        let is_right = if sides == Linear { vertices.len() == corners } else { vertices.len() > corners };
+        if !is_right {
+            return Err(format!("{name} {cell} has {} vertices", vertices.len()));
         }
-        self.mesh.cells.tets.push(tet);
-        self.kept.push((self.cells + cell) as u32);
+        let vertices = &vertices[..corners];
+        if let Some(vertex) = vertices.iter().find(|&&vertex| vertex >= points as u64) {
+            return Err(format!("cell {cell} has vertex {vertex}, but there are {points} points"));
+        }
+        // In range: the number of points of all pieces is.
+        let vertex = |i: usize| (first_point + vertices[i] as usize) as u32;
+        let index = (self.cells + cell) as u32;
+        if sides == Curved {
+            *self.curved.entry(number).or_default() += 1;
+        }
+        let Some(shape) = shape else {
+            self.mesh.cells.tets.push([0, 1, 2, 3].map(vertex));
+            self.tets.push(index);
+            return Ok(());
+        };
+        // The last two corners of each quadrilateral of a voxel are the other way round.
+        let is_voxel = number == VOXEL;
+        let corner = |i: usize| vertex(if is_voxel && i & 2 != 0 { i ^ 1 } else { i });
+        self.mesh.cells.solids.push(shape, (0..corners).map(corner));
+        self.solids.push(index);
+        *self.split.entry(number).or_default() += 1;
         Ok(())
     }
 
-    /// What was skipped, one line each.
+    /// Index of each cell of the mesh among all cells of all pieces; `None` if it is the same.
+    pub(super) fn kept(&self) -> Option<Vec<u32>> {
+        let kept = || self.tets.iter().chain(&self.solids).copied();
+        let all = self.tets.len() + self.solids.len() == self.cells && kept().is_sorted();
+        (!all).then(|| kept().collect())
+    }
+
+    /// What was skipped or changed, one line each.
     pub(super) fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
-        if !self.skipped.is_empty() {
-            let total: usize = self.skipped.values().sum();
-            let by_type: Vec<_> = self.skipped.iter().map(|(&number, n)| format!("{n} {}", name_of(number))).collect();
-            notes.push(format!("skipped {total} cells without volume: {}", by_type.join(", ")));
+        for (counts, before, after) in [
+            (&self.skipped, "skipped", "cells without volume"),
+            (&self.split, "split", "cells into tetrahedra"),
+            (&self.curved, "read the corners alone of", "curved cells"),
+        ] {
+            if !counts.is_empty() {
+                let total: usize = counts.values().sum();
+                let by_type: Vec<_> = counts.iter().map(|(&number, n)| format!("{n} {}", name_of(number))).collect();
+                notes.push(format!("{before} {total} {after}: {}", by_type.join(", ")));
+            }
         }
         if self.ghosts > 0 {
             notes.push(format!("skipped {} ghost cells (array vtkGhostType)", self.ghosts));
@@ -135,20 +194,45 @@ pub(super) fn kind_of(number: u64) -> Option<(u8, Kind)> {
     CELL_TYPES.iter().find(|(n, ..)| u64::from(*n) == number).map(|&(n, _, kind)| (n, kind))
 }
 
-/// The error for a cell with a volume that is not a tetrahedron; `what` names its type.
+/// The error for a cell with a volume of a shape that is not read; `what` names its type.
 pub(super) fn refuse_solid(path: &Path, place: String, what: &str) -> FileError {
-    FileError::unsupported(path, place, format!("{what}; only tetrahedra are read"))
+    FileError::unsupported(path, place, format!("{what}, which is not read"))
         .remedy("split it into tetrahedra, for example with ParaView's filter Tetrahedralize")
 }
+
+/// VTK's number of a voxel.
+const VOXEL: u8 = 11;
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn cell_types_are_sorted_and_unique_and_only_one_is_taken() {
+    fn cell_types_are_sorted_and_unique() {
         assert!(CELL_TYPES.windows(2).all(|pair| pair[0].0 < pair[1].0));
-        let taken: Vec<_> = CELL_TYPES.iter().filter(|(.., kind)| *kind == Kind::Tet).map(|(n, ..)| *n).collect();
-        assert_eq!(taken, [10]);
+        assert_eq!(kind_of(VOXEL.into()), Some((VOXEL, Kind::Voxel)));
+    }
+
+    #[test]
+    fn cells_of_all_shapes_are_numbered_as_in_the_file_wherever_they_stand() {
+        let mut grid = GridReader::default();
+        grid.push((0, 12), &[0, 1, 2, 3, 4, 5, 6, 7], 8, 0).unwrap();
+        grid.push((1, 10), &[0, 1, 2, 4], 8, 0).unwrap();
+        grid.cells = 2;
+        assert_eq!(grid.kept(), Some(vec![1, 0]), "tetrahedra come first");
+        grid.push((1, 11), &[0, 1, 2, 3, 4, 5, 6, 7], 8, 8).unwrap();
+        grid.cells = 4;
+        assert_eq!(grid.kept(), Some(vec![1, 0, 3]));
+        let voxel: Vec<_> = grid.mesh.cells.iter().nth(2).unwrap().to_vec();
+        assert_eq!(voxel, [8, 9, 11, 10, 12, 13, 15, 14]);
+        let mut alone = GridReader::default();
+        alone.push((0, 25), &(0..20).collect::<Vec<u64>>(), 20, 0).unwrap();
+        alone.cells = 1;
+        assert_eq!((alone.kept(), alone.mesh.cells.len()), (None, 1));
+        assert_eq!(alone.notes().len(), 2, "{:?}", alone.notes());
+        assert_eq!(alone.push((1, 12), &[0, 1, 2], 20, 0), Err("hexahedron 1 has 3 vertices".to_owned()));
+        assert!(alone.push((1, 13), &[0, 1, 2, 3, 4, 20], 20, 0).unwrap_err().contains("vertex 20"));
+        assert!(alone.push((1, 24), &[0, 1, 2, 3], 20, 0).is_err(), "a quadratic tetrahedron has more");
+        assert!(alone.push((1, 42), &[0, 1, 2, 3], 20, 0).is_err());
     }
 }

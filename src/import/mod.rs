@@ -33,7 +33,7 @@ use std::path::{Path, PathBuf};
 /// Reads the first step for the mesh and the fields, and checks that the files of the others exist.
 ///
 /// # Errors
-/// If the file is of another kind, is damaged, has cells with a volume that are not tetrahedra, or names missing files.
+/// If the file is of another kind, is damaged, has polyhedra or other cells that are not read, or names missing files.
 pub fn open(path: &Path) -> FileResult<Box<dyn SeriesSource>> {
     open_many(&[path.to_owned()])
 }

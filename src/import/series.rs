@@ -70,9 +70,9 @@ struct DecodedField<D> {
 struct Shape {
     points: usize,
     cells: usize,
-    /// Index of each tetrahedron among all cells; `None` if all cells are tetrahedra.
+    /// Index of each cell of the mesh among all cells of the file; `None` if it is the same.
     kept: Option<Vec<u32>>,
-    /// Hashes of the mesh arrays as stored, and of the points and tetrahedra themselves.
+    /// Hashes of the mesh arrays as stored, and of the points and cells themselves.
     stored_hash: u64,
     points_hash: u64,
     cells_hash: u64,
@@ -82,7 +82,7 @@ impl<S: StepReader> Series<S> {
     /// A series of `steps`, one for each time. The first step is read for the mesh and the fields.
     ///
     /// # Errors
-    /// If the first step cannot be read or has no tetrahedra.
+    /// If the first step cannot be read or has no cells with a volume.
     pub(super) fn new(
         description: String,
         times: TimeAxis,
@@ -96,8 +96,12 @@ impl<S: StepReader> Series<S> {
         let grid = first.reader.read_grid()?;
         if grid.mesh.cells.is_empty() {
             let found = [vec![format!("{} cells", grid.cells)], grid.notes()].concat().join("; ");
-            return Err(FileError::unsupported(first.reader.path(), "", format!("has no tetrahedra ({found})"))
-                .remedy("write a volume mesh of tetrahedra"));
+            return Err(FileError::unsupported(
+                first.reader.path(),
+                "",
+                format!("has no cells with a volume ({found})"),
+            )
+            .remedy("write a volume mesh: tetrahedra, hexahedra, wedges, pyramids or prisms"));
         }
         notes.extend(grid.notes());
         if first.reader.is_in_pieces() {
@@ -248,7 +252,7 @@ impl Shape {
             stored_hash: step.stored_hash()?,
             points_hash: hash_points(&grid.mesh),
             cells_hash: hash_cells(&grid),
-            kept: (grid.kept.len() < grid.cells).then_some(grid.kept),
+            kept: grid.kept(),
         })
     }
 }
@@ -264,6 +268,6 @@ fn hash_points(mesh: &RawMesh) -> u64 {
 
 fn hash_cells(grid: &GridReader) -> u64 {
     let mut state = DefaultHasher::new();
-    (&grid.mesh.cells.tets, &grid.kept).hash(&mut state);
+    (&grid.mesh.cells.tets, &grid.mesh.cells.solids, grid.kept()).hash(&mut state);
     state.finish()
 }

@@ -38,7 +38,8 @@ impl VertexOrder {
         pairs.for_each(|(out, source)| out.iter_mut().zip(source).for_each(|(out, &s)| *out = values[s as usize]));
     }
 
-    /// Averages values per source cell into values per mesh vertex: the unweighted mean over the cells around each vertex, summed in f64.
+    /// Averages values per source cell into values per mesh vertex: the unweighted mean over the cells of the source around each vertex, summed
+    /// in f64.
     /// NaN and infinities of a cell propagate to its vertices. Cells that the mesh has dropped do not count.
     ///
     /// # Panics
@@ -75,6 +76,60 @@ impl CellsAround {
                 next[vertex as usize] += 1;
             }
         }
-        Self { starts, cells }
+        let mut around = Self { starts, cells };
+        if has_repeats(&mesh.cell_source) {
+            around.drop_repeats();
+        }
+        around
+    }
+
+    /// Leaves each source cell once at a vertex, whichever number of its tetrahedra meet there.
+    fn drop_repeats(&mut self) {
+        let Self { starts, cells } = self;
+        let (mut begin, mut kept) = (0, 0);
+        for start in starts.iter_mut().skip(1) {
+            let first = kept;
+            for i in begin..*start {
+                let cell = cells[i];
+                if !cells[first..kept].contains(&cell) {
+                    cells[kept] = cell;
+                    kept += 1;
+                }
+            }
+            (begin, *start) = (*start, kept);
+        }
+        cells.truncate(kept);
+    }
+}
+
+/// Whether a number occurs twice.
+fn has_repeats(numbers: &[u32]) -> bool {
+    let mut seen = vec![false; numbers.iter().max().map_or(0, |&most| most as usize + 1)];
+    numbers.iter().any(|&number| std::mem::replace(&mut seen[number as usize], true))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{RawMesh, Shape};
+    use glam::DVec3;
+
+    #[test]
+    fn a_split_cell_counts_once_at_each_of_its_vertices() {
+        // Two cubes side by side.
+        let points = (0..12).map(|i| DVec3::new(f64::from(i % 3), f64::from(i / 3 % 2), f64::from(i / 6))).collect();
+        let mut raw = RawMesh { points, ..RawMesh::default() };
+        for x in 0..2 {
+            let corners = [0, 1, 4, 3, 6, 7, 10, 9].map(|corner| corner + x);
+            raw.cells.solids.push(Shape::Hexahedron, corners.into_iter());
+        }
+        let (mesh, report) = Mesh::build(raw).unwrap();
+        assert_eq!((report.cells_in, report.split_cells, report.cells_out), (2, 2, 12));
+        let (order, _) = VertexOrder::new(mesh, true);
+        let mut out = [0.0; 12];
+        order.average_cells(&[1.0, 4.0], &mut out);
+        for (value, source) in out.into_iter().zip(order.vertex_source()) {
+            assert_eq!(value, [1.0, 2.5, 4.0][*source as usize % 3]);
+        }
     }
 }

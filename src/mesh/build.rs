@@ -1,6 +1,7 @@
 //! Builds a mesh from a file's points and cells.
 //!
 //! ```text
+//! split      cells of other shapes into tetrahedra (`split.rs`), which are the cells of the rest
 //! check      indices in range; points that cells use are finite
 //! place      box of those points -> f64 origin, power-of-two scale; positions rounded to f32     (points are freed)
 //! orient     exact sign of each cell's volume after rounding: swap two vertices, or drop
@@ -59,7 +60,7 @@ impl Mesh {
         Self::build_split(points, split(cells))
     }
 
-    /// [`Self::build`] of split cells; the report counts tetrahedra as cells.
+    /// [`Self::build`] of split cells.
     pub(crate) fn build_split(points: Vec<DVec3>, mut split: Split) -> Result<(Mesh, RepairReport), MeshError> {
         let mut tets = std::mem::take(&mut split.tets);
         repair::check_counts(tets.len(), points.len())?;
@@ -67,8 +68,8 @@ impl Mesh {
         if tets.is_empty() {
             return Err(MeshError::NoCells);
         }
-        let mut report =
-            RepairReport { cells_in: tets.len() as u64, vertices_in: points.len() as u64, ..Default::default() };
+        let (cells_in, vertices_in) = (split.cell_count() as u64, points.len() as u64);
+        let mut report = RepairReport { cells_in, vertices_in, ..Default::default() };
 
         let raw_positions = repair::local_positions(&points, &tets)?;
         drop(points);
@@ -76,8 +77,18 @@ impl Mesh {
         let count = |kind| orientations.par_iter().filter(|&&orientation| orientation == kind).count() as u64;
         report.flipped = count(Orientation::Negative);
         report.zero_volume = count(Orientation::Flat);
-        if report.zero_volume == report.cells_in {
+        if report.zero_volume == tets.len() as u64 {
             return Err(MeshError::AllFlat(tets.len()));
+        }
+        let tets_in = tets.len() as u64;
+        for cell in split.groups() {
+            let turned =
+                orientations[cell.clone()].iter().filter(|&&kind| kind == Orientation::Negative).count() as u64;
+            let straight = orientations[cell].contains(&Orientation::Positive);
+            report.split_cells += 1;
+            report.warped_cells += u64::from(turned > 0 && straight);
+            // A cell that is turned as a whole is numbered the other way round.
+            report.flipped -= turned;
         }
 
         let vertex_order = order_vertices(&tets, &orientations, &raw_positions.local);
@@ -91,7 +102,7 @@ impl Mesh {
         let cell_turned = cell_order.par_iter().map(is_turned).collect();
         drop(orientations);
         report.cells_out = cell_order.len() as u64;
-        report.duplicate_cells = report.cells_in - report.zero_volume - report.cells_out;
+        report.duplicate_cells = tets_in - report.zero_volume - report.cells_out;
 
         let tets = renumber(tets, &cell_order, &vertex_order, raw_positions.local.len());
         let mut cell_source = sources(cell_order);

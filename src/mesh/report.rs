@@ -10,9 +10,15 @@ use serde::Serialize;
 pub struct RepairReport {
     /// Cells in the source.
     pub cells_in: u64,
+    /// Cells of the source that were split into several tetrahedra, which are cells of the mesh.
+    #[serde(skip_serializing_if = "is_none")]
+    pub split_cells: u64,
+    /// Split cells some tetrahedra of which overlap others, as their faces are warped.
+    #[serde(skip_serializing_if = "is_none")]
+    pub warped_cells: u64,
     /// Cells in the mesh.
     pub cells_out: u64,
-    /// Cells of negative orientation, two vertices of which were swapped.
+    /// Tetrahedra of the source of negative orientation, two vertices of which were swapped.
     pub flipped: u64,
     /// Cells dropped because they have no volume (a vertex named twice, or vertices in one plane after rounding).
     pub zero_volume: u64,
@@ -35,6 +41,11 @@ pub struct RepairReport {
     pub parts: u64,
 }
 
+/// Meshes of tetrahedra say nothing of splits.
+fn is_none(count: &u64) -> bool {
+    *count == 0
+}
+
 impl RepairReport {
     /// Whether the source needed no repair and has no defects.
     pub fn is_clean(&self) -> bool {
@@ -44,6 +55,7 @@ impl RepairReport {
     /// The count and the explanation of each kind of repair or defect.
     fn findings(&self) -> impl Iterator<Item = (u64, &'static str)> {
         [
+            (self.warped_cells, "cells so warped that tetrahedra of theirs overlap kept"),
             (self.flipped, "cells of negative orientation turned round"),
             (self.zero_volume, "cells without volume dropped"),
             (self.duplicate_cells, "cells with the vertices of an earlier one dropped"),
@@ -66,6 +78,9 @@ impl fmt::Display for RepairReport {
         ] {
             write!(f, ", {}", counted(count, one, many))?;
         }
+        if self.split_cells > 0 {
+            write!(f, "\nof {}, {} of them split", counted(self.cells_in, "cell", "cells"), self.split_cells)?;
+        }
         for (count, what) in self.findings().filter(|&(count, _)| count > 0) {
             write!(f, "\n{what}: {count}")?;
         }
@@ -82,6 +97,15 @@ mod tests {
         let report = RepairReport { cells_out: 6, vertices_out: 8, boundary_faces: 12, parts: 1, ..Default::default() };
         assert!(report.is_clean());
         assert_eq!(report.to_string(), "6 cells, 8 vertices, 12 boundary faces, 1 part");
+    }
+
+    #[test]
+    fn split_cells_are_told() {
+        let report = RepairReport { cells_in: 3, split_cells: 2, warped_cells: 1, cells_out: 10, ..Default::default() };
+        assert!(!report.is_clean());
+        let text = report.to_string();
+        assert!(text.contains("\nof 3 cells, 2 of them split\ncells so warped"), "{text}");
+        assert!(serde_json::to_string(&RepairReport::default()).is_ok_and(|json| !json.contains("split")));
     }
 
     #[test]

@@ -1,29 +1,141 @@
 //! Splits the cells of a file into tetrahedra: the only place that knows other shapes.
+//!
+//! A cell is pulled to pieces from its corner of least number: that corner and every triangle of the faces that it does not belong to
+//! are a tetrahedron, and a face with more than three corners is cut into triangles from its own corner of least number. So a face is cut
+//! by its corners alone: two cells that share it cut it alike, whatever their shapes (the rule of least numbers of Dompierre, Labbe,
+//! Vallet and Camarero, "How to subdivide pyramids, prisms, and hexahedra into tetrahedra", 8th International Meshing Roundtable 1999; pulling
+//! cuts a hexahedron into six tetrahedra, never five, and needs no table). The tetrahedra fill a convex cell with plane faces. Cells
+//! with a corner named twice are cut as what is left of them.
+//!
+//! Faces that are not plane are two triangles. A cell that they warp so far that a corner does not see all of its faces has tetrahedra
+//! that overlap: [`Mesh::build`](super::Mesh::build) counts it.
 
 use std::ops::Range;
 
-/// The cells of a [`RawMesh`](super::RawMesh), numbered in file order. A new shape is a new field, and its split in [`split`].
+/// A shape of cells that is split, with the corners as VTK numbers them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Shape {
+    /// Four corners, then the apex.
+    Pyramid,
+    /// A triangle, then the one above it.
+    Wedge,
+    /// A quadrilateral, then the one above it.
+    Hexahedron,
+    /// A pentagon, then the one above it.
+    PentagonalPrism,
+    /// A hexagon, then the one above it.
+    HexagonalPrism,
+}
+
+impl Shape {
+    /// Number of corners.
+    pub const fn corners(self) -> usize {
+        match self {
+            Self::Pyramid => 5,
+            Self::Wedge => 6,
+            Self::Hexahedron => 8,
+            Self::PentagonalPrism => 10,
+            Self::HexagonalPrism => 12,
+        }
+    }
+
+    /// Corners of the faces, counter-clockwise as seen from outside.
+    const fn faces(self) -> &'static [&'static [usize]] {
+        match self {
+            Self::Pyramid => &[&[0, 3, 2, 1], &[0, 1, 4], &[1, 2, 4], &[2, 3, 4], &[3, 0, 4]],
+            Self::Wedge => &[&[0, 2, 1], &[3, 4, 5], &[0, 1, 4, 3], &[1, 2, 5, 4], &[2, 0, 3, 5]],
+            Self::Hexahedron => {
+                &[&[0, 3, 2, 1], &[4, 5, 6, 7], &[0, 1, 5, 4], &[1, 2, 6, 5], &[2, 3, 7, 6], &[3, 0, 4, 7]]
+            }
+            Self::PentagonalPrism => &[
+                &[0, 4, 3, 2, 1],
+                &[5, 6, 7, 8, 9],
+                &[0, 1, 6, 5],
+                &[1, 2, 7, 6],
+                &[2, 3, 8, 7],
+                &[3, 4, 9, 8],
+                &[4, 0, 5, 9],
+            ],
+            Self::HexagonalPrism => &[
+                &[0, 5, 4, 3, 2, 1],
+                &[6, 7, 8, 9, 10, 11],
+                &[0, 1, 7, 6],
+                &[1, 2, 8, 7],
+                &[2, 3, 9, 8],
+                &[3, 4, 10, 9],
+                &[4, 5, 11, 10],
+                &[5, 0, 6, 11],
+            ],
+        }
+    }
+}
+
+/// Cells of a [`Shape`] each.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Solids {
+    shapes: Vec<Shape>,
+    /// Vertex indices of all corners, cell by cell.
+    corners: Vec<u32>,
+}
+
+impl Solids {
+    /// Number of cells.
+    pub fn len(&self) -> usize {
+        self.shapes.len()
+    }
+
+    /// Whether there are no cells.
+    pub fn is_empty(&self) -> bool {
+        self.shapes.is_empty()
+    }
+
+    /// Adds a cell; the number of vertices must be that of the shape's corners.
+    pub fn push(&mut self, shape: Shape, corners: impl ExactSizeIterator<Item = u32>) {
+        assert_eq!(corners.len(), shape.corners(), "{shape:?}");
+        self.shapes.push(shape);
+        self.corners.extend(corners);
+    }
+
+    /// Shape and vertex indices of the cells.
+    pub fn iter(&self) -> impl Iterator<Item = (Shape, &[u32])> {
+        let mut rest = self.corners.as_slice();
+        self.shapes.iter().map(move |&shape| {
+            let (corners, after) = rest.split_at(shape.corners());
+            rest = after;
+            (shape, corners)
+        })
+    }
+}
+
+/// The cells of a [`RawMesh`](super::RawMesh): tetrahedra, then those of other shapes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cells {
     /// Vertex indices of the linear tetrahedra.
     pub tets: Vec<[u32; 4]>,
+    /// The other cells, numbered on from the tetrahedra.
+    pub solids: Solids,
 }
 
 impl Cells {
     /// Number of cells.
     pub fn len(&self) -> usize {
-        self.tets.len()
+        self.tets.len() + self.solids.len()
     }
 
     /// Whether there are no cells.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
+
+    /// Vertex indices of each cell.
+    pub fn iter(&self) -> impl Iterator<Item = &[u32]> {
+        self.tets.iter().map(<[u32; 4]>::as_slice).chain(self.solids.iter().map(|(_, corners)| corners))
+    }
 }
 
 impl From<Vec<[u32; 4]>> for Cells {
     fn from(tets: Vec<[u32; 4]>) -> Self {
-        Self { tets }
+        Self { tets, ..Self::default() }
     }
 }
 
@@ -41,11 +153,25 @@ impl Split {
     pub fn of_cell(&self, cell: u32) -> &[[u32; 4]] {
         let range = match &self.cell_of_tet {
             None => cell as usize..cell as usize + 1,
-            Some(cells) => {
-                Range { start: cells.partition_point(|&c| c < cell), end: cells.partition_point(|&c| c <= cell) }
-            }
+            Some(cells) => cells.partition_point(|&c| c < cell)..cells.partition_point(|&c| c <= cell),
         };
         self.tets.get(range).unwrap_or_default()
+    }
+
+    /// Number of cells: each has a tetrahedron.
+    pub fn cell_count(&self) -> usize {
+        self.cell_of_tet.as_ref().map_or(self.tets.len(), |cells| cells.last().map_or(0, |&last| last as usize + 1))
+    }
+
+    /// The ranges of tetrahedra of the cells that have more than one.
+    pub(super) fn groups(&self) -> impl Iterator<Item = Range<usize>> {
+        let mut next = 0;
+        let groups = self.cell_of_tet.iter().flat_map(|cells| cells.chunk_by(|a, b| a == b));
+        let ranges = groups.map(move |group| {
+            next += group.len();
+            next - group.len()..next
+        });
+        ranges.filter(|range| range.len() > 1)
     }
 
     /// Replaces indices of tetrahedra by those of their cells.
@@ -58,7 +184,39 @@ impl Split {
 
 /// Splits cells into tetrahedra; a tetrahedron stays as it is.
 pub fn split(cells: Cells) -> Split {
-    Split { tets: cells.tets, cell_of_tet: None }
+    let Cells { mut tets, solids } = cells;
+    if solids.is_empty() {
+        return Split { tets, cell_of_tet: None };
+    }
+    let mut cell_of_tet: Vec<u32> = (0..tets.len() as u32).collect();
+    let first = cell_of_tet.len() as u32;
+    for (cell, (shape, corners)) in (first..).zip(solids.iter()) {
+        pull(shape, corners, &mut tets);
+        if tets.len() == cell_of_tet.len() {
+            // A cell without a volume, which is counted as such.
+            tets.push([corners[0]; 4]);
+        }
+        cell_of_tet.resize(tets.len(), cell);
+    }
+    Split { tets, cell_of_tet: Some(cell_of_tet) }
+}
+
+/// Adds the tetrahedra of a cell, those without a vertex named twice.
+fn pull(shape: Shape, corners: &[u32], tets: &mut Vec<[u32; 4]>) {
+    let Some(&apex) = corners.iter().min() else { return };
+    for face in shape.faces() {
+        let vertex = |i: usize| corners[face[i % face.len()]];
+        let Some(least) = (0..face.len()).min_by_key(|&i| vertex(i)) else { continue };
+        if vertex(least) == apex {
+            continue;
+        }
+        for i in least + 1..least + face.len() - 1 {
+            let tet = [vertex(least), vertex(i + 1), vertex(i), apex];
+            if tet[0] != tet[1] && tet[0] != tet[2] && tet[1] != tet[2] {
+                tets.push(tet);
+            }
+        }
+    }
 }
 
 /// Replaces the values of all cells of a file by those of `sources`, the source cells of its mesh: in place if no source lies before its

@@ -6,7 +6,7 @@
 use super::{MAX_CELLS, MAX_STEPS, SynthError};
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, FieldInfo, SeriesSource, TimeAxis};
-use crate::mesh::RawMesh;
+use crate::mesh::{self, RawMesh};
 use rayon::prelude::*;
 
 /// A scalar per point that fades: at step i of n its value is multiplied by 1 - i / (n - 1). Times are 0, 1, 2, ...
@@ -40,6 +40,7 @@ impl FadedSeries {
         if steps == 0 || steps > MAX_STEPS {
             return Err(SynthError::Steps(steps));
         }
+        let mesh = RawMesh { cells: mesh::split(mesh.cells).tets.into(), ..mesh };
         let cells =
             8_u64.checked_pow(splits).and_then(|n| n.checked_mul(mesh.cells.tets.len() as u64)).unwrap_or(u64::MAX);
         if cells > MAX_CELLS {

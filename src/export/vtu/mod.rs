@@ -153,7 +153,7 @@ impl Chosen {
 fn read_field(source: &dyn SeriesSource, field: &mut Values, step: usize, mesh: &RawMesh) -> FileResult<()> {
     let expected = match field.info.association {
         Association::Point => mesh.points.len(),
-        Association::Cell => mesh.cells.tets.len(),
+        Association::Cell => mesh.cells.len(),
     };
     for (component, values) in field.components.iter_mut().enumerate() {
         source.read(&field.info, Component::Index(component), step, values)?;
@@ -198,7 +198,7 @@ pub(super) fn choose_steps(source: &str, times: &TimeAxis, steps: Option<&[usize
 /// Checks that every index is a point: readers trust the connectivity.
 fn check_mesh(source: &dyn SeriesSource, mesh: &RawMesh) -> FileResult<()> {
     let points = mesh.points.len();
-    match mesh.cells.tets.iter().position(|tet| tet.iter().any(|v| *v as usize >= points)) {
+    match mesh.cells.iter().position(|cell| cell.iter().any(|v| *v as usize >= points)) {
         None => Ok(()),
         Some(cell) => {
             let problem = format!("has a vertex beyond the {points} points");

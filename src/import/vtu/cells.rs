@@ -1,4 +1,4 @@
-//! Points and tetrahedra of `.vtu` files.
+//! Points and cells of `.vtu` files.
 
 use super::super::cells::{GridReader, Kind, kind_of, name_of, refuse_solid};
 use super::{ArrayInfo, Piece, VtuFile};
@@ -12,7 +12,7 @@ const GHOST_BITS: u64 = 1 | 8 | 32;
 /// Adds a piece of `file` to `grid`.
 ///
 /// # Errors
-/// If its arrays are damaged or contradict each other, or if a cell has a volume and is not a tetrahedron.
+/// If its arrays are damaged or contradict each other, or if a cell has a volume and a shape that is not read.
 pub(crate) fn add_piece(grid: &mut GridReader, file: &VtuFile, piece: &Piece) -> FileResult<()> {
     grid.check_room(&file.path, "<Piece>", piece.points, piece.cells)?;
     let first_point = grid.mesh.points.len();
@@ -60,23 +60,22 @@ fn add_cells(grid: &mut GridReader, file: &VtuFile, piece: &Piece, first_point: 
             continue;
         }
         let bad_cell = |problem: String| file.invalid(connectivity_array, connectivity_array.byte, problem);
-        match flat_type(file, i, cell_type)? {
-            Some(flat) => grid.skip(flat, 1),
-            None => grid.push_tet(i, vertices, piece.points, first_point).map_err(bad_cell)?,
+        match read_type(file, i, cell_type)? {
+            (flat, true) => grid.skip(flat, 1),
+            (number, false) => grid.push((i, number), vertices, piece.points, first_point).map_err(bad_cell)?,
         }
     }
     Ok(())
 }
 
-/// The VTK type of a cell without volume; `None` for a tetrahedron. Any other type is an error.
-fn flat_type(file: &VtuFile, cell: usize, cell_type: u64) -> FileResult<Option<u8>> {
+/// The VTK type of a cell that is read, and whether it has no volume. Any other type is an error.
+fn read_type(file: &VtuFile, cell: usize, cell_type: u64) -> FileResult<(u8, bool)> {
     let place = format!("cell {cell}");
     match kind_of(cell_type) {
-        Some((_, Kind::Tet)) => Ok(None),
-        Some((number, Kind::Flat)) => Ok(Some(number)),
-        Some((number, Kind::Solid)) => {
+        Some((number, Kind::Unread)) => {
             Err(refuse_solid(&file.path, place, &format!("is of type {number} ({})", name_of(number))))
         }
+        Some((number, kind)) => Ok((number, kind == Kind::Flat)),
         None => Err(FileError::invalid(&file.path, place, format!("is of type {cell_type}, which VTK does not know"))),
     }
 }

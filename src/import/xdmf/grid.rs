@@ -168,10 +168,10 @@ fn shape_of(document: &Document, id: Id, name: &str) -> FileResult<CellShape> {
         return Ok(CellShape::Mixed);
     }
     let Some(cell_type) = type_named(name) else {
-        let problem = format!("TopologyType=\"{name}\" is not read: only unstructured grids of tetrahedra are");
+        let problem = format!("TopologyType=\"{name}\" is not read: only unstructured grids are");
         return Err(document.unsupported(id, problem));
     };
-    if let Some((_, Kind::Solid)) = cells::kind_of(cell_type.vtk.into()) {
+    if let Some((_, Kind::Unread)) = cells::kind_of(cell_type.vtk.into()) {
         let what = format!("its cells are of type {} ({})", cell_type.name, cells::name_of(cell_type.vtk));
         return Err(cells::refuse_solid(document.path(), document.place(id), &what));
     }

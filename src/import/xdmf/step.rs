@@ -121,12 +121,12 @@ impl XdmfStep {
         let place = self.document.place(grid.topology.id);
         reader.check_room(self.path(), &place, grid.points, grid.topology.cells)?;
         let first_point = reader.mesh.points.len();
-        let tets_before = reader.mesh.cells.tets.len();
+        let cells_before = reader.mesh.cells.len();
         self.add_points(reader, &grid.geometry)?;
         self.add_cells(reader, grid, first_point)?;
         reader.cells += grid.topology.cells;
-        if reader.mesh.cells.tets.len() > tets_before && matches!(grid.geometry, Geometry::Together(_, 2)) {
-            let problem = "the mesh is flat: GeometryType=\"XY\" with tetrahedra";
+        if reader.mesh.cells.len() > cells_before && matches!(grid.geometry, Geometry::Together(_, 2)) {
+            let problem = "the mesh is flat: GeometryType=\"XY\" with cells that have a volume";
             return Err(self
                 .document
                 .unsupported(grid.topology.id, problem)
@@ -155,30 +155,32 @@ impl XdmfStep {
 
     fn add_cells(&self, reader: &mut GridReader, grid: &Grid, first_point: usize) -> FileResult<()> {
         let topology = &grid.topology;
-        match topology.shape {
+        let of_type = match topology.shape {
             CellShape::Same(vtk) if matches!(kind_of(vtk.into()), Some((_, Kind::Flat))) => {
                 reader.skip(vtk, topology.cells);
                 return Ok(());
             }
             _ if topology.cells == 0 => return Ok(()),
-            _ => {}
-        }
+            CellShape::Same(vtk) => CELL_TYPES.iter().find(|known| known.vtk == vtk),
+            CellShape::Mixed => None,
+        };
         let lacks = || self.document.invalid(topology.id, "has no corners of its cells");
         let item = topology.connectivity.as_ref().ok_or_else(lacks)?;
         let invalid = |problem: String| self.document.invalid(item.id, problem);
         let mut corners = item.read(&self.document)?.values().to_indices().map_err(|i| {
             invalid(format!("number {i} is negative or no integer")).remedy("corners of cells are whole numbers")
         })?;
-        if topology.shape == CellShape::Mixed {
+        let Some(of_type) = of_type else {
             return self.add_mixed(reader, grid, &corners, first_point);
-        }
-        if corners.len() as u64 != 4 * topology.cells as u64 {
-            let (got, cells) = (corners.len(), topology.cells);
-            return Err(invalid(format!("has {got} corners, but {cells} tetrahedra need {}", 4 * cells as u64)));
+        };
+        let needed = of_type.corners as u64 * topology.cells as u64;
+        if corners.len() as u64 != needed {
+            let (got, cells, name) = (corners.len(), topology.cells, name_of(of_type.vtk));
+            return Err(invalid(format!("has {got} corners, but {cells} cells of type {name} need {needed}")));
         }
         self.rebase(topology, &mut corners)?;
-        for (cell, vertices) in corners.chunks_exact(4).enumerate() {
-            reader.push_tet(cell, vertices, grid.points, first_point).map_err(invalid)?;
+        for (cell, vertices) in corners.chunks_exact(of_type.corners).enumerate() {
+            reader.push((cell, of_type.vtk), vertices, grid.points, first_point).map_err(invalid)?;
         }
         Ok(())
     }
@@ -194,7 +196,8 @@ impl XdmfStep {
             let known = CELL_TYPES.iter().find(|t| t.code == code);
             let known =
                 known.ok_or_else(|| invalid(format!("cell {cell} is of type {code}, which XDMF does not know")))?;
-            if let Some((_, Kind::Solid)) = kind_of(known.vtk.into()) {
+            let kind = kind_of(known.vtk.into()).map(|(_, kind)| kind);
+            if kind == Some(Kind::Unread) {
                 let what = format!("cell {cell} is of type {code} ({})", name_of(known.vtk));
                 return Err(refuse_solid(self.path(), self.document.place(topology.id), &what));
             }
@@ -207,13 +210,13 @@ impl XdmfStep {
             };
             let (vertices, after) = after.split_at_checked(corners).ok_or_else(cut)?;
             rest = after;
-            if known.vtk == 10 {
-                let mut vertices = vertices.to_vec();
-                self.rebase(topology, &mut vertices)?;
-                reader.push_tet(cell, &vertices, grid.points, first_point).map_err(invalid)?;
-            } else {
+            if kind == Some(Kind::Flat) {
                 reader.skip(known.vtk, 1);
+                continue;
             }
+            let mut vertices = vertices.to_vec();
+            self.rebase(topology, &mut vertices)?;
+            reader.push((cell, known.vtk), &vertices, grid.points, first_point).map_err(invalid)?;
         }
         if rest.is_empty() { Ok(()) } else { Err(invalid(format!("{} numbers follow the last cell", rest.len()))) }
     }

@@ -122,7 +122,7 @@ fn read_all(path: &Path) -> FileResult<()> {
 
 #[test]
 fn damaged_xdmf_is_one_error_with_file_and_place() {
-    let damages: [(&str, &str, &[&str]); 17] = [
+    let damages: [(&str, &str, &[&str]); 18] = [
         ("contiguous_f64.h5:/T/1", "gone.h5:/T/1", &["contiguous_f64.xdmf", "DataItem", "gone.h5 is missing"]),
         ("h5:/T/1", "h5:/T/9", &["contiguous_f64.h5", "/T/9", "does not exist"]),
         ("h5:/T/1", "h5:/V/1", &["contiguous_f64.h5", "/V/1", "does not exist"]),
@@ -131,10 +131,15 @@ fn damaged_xdmf_is_one_error_with_file_and_place() {
         ("h5:/T/1", "h5:/T", &["contiguous_f64.h5", "/T"]),
         ("h5:/mesh/cells", "h5:/mesh/points", &["contiguous_f64.h5", "/mesh/points", "[16, 3]", "[12, 4]"]),
         ("Dimensions=\"12 4\" NumberType=\"Int\"", "Dimensions=\"12 5\" NumberType=\"Int\"", &["contiguous_f64"]),
-        ("NumberOfElements=\"12\"", "NumberOfElements=\"13\"", &["contiguous_f64.xdmf", "13 tetrahedra need 52"]),
+        (
+            "NumberOfElements=\"12\"",
+            "NumberOfElements=\"13\"",
+            &["contiguous_f64.xdmf", "13 cells of type tetrahedron need 52"],
+        ),
         ("NumberType=\"Int\"", "NumberType=\"Quaternion\"", &["contiguous_f64.xdmf", "Quaternion"]),
         ("Dimensions=\"16 3\"", "Dimensions=\"16 4\"", &["contiguous_f64.xdmf", "Geometry", "3 coordinates"]),
-        ("Tetrahedron", "Hexahedron", &["contiguous_f64.xdmf", "hexahedron", "only tetrahedra"]),
+        ("Tetrahedron", "Hexahedron", &["contiguous_f64.xdmf", "12 cells of type hexahedron need 96"]),
+        ("Tetrahedron", "Polyhedron", &["contiguous_f64.xdmf", "polyhedron", "not read", "Tetrahedralize"]),
         ("\"Tetrahedron\"", "\"3DCoRectMesh\"", &["contiguous_f64.xdmf", "3DCoRectMesh"]),
         ("<Time Value=\"0.25\"/>", "<Time Value=\"0.1\"/>", &["contiguous_f64.xdmf", "step 1", "same time"]),
         ("<Time Value=\"0.25\"/>", "<Time Value=\"soon\"/>", &["contiguous_f64.xdmf", "soon"]),
@@ -167,7 +172,7 @@ fn a_mesh_that_moves_changes_or_is_flat_is_refused() {
     fs::write(&path, flat.replace("h5:/mesh/points", "h5:/all/T")).unwrap();
     assert!(refusal(read_all(&path)).contains("contiguous_f64"));
     fs::write(&path, text.replace("\"Tetrahedron\"", "\"Triangle\"")).unwrap();
-    assert!(refusal(read_all(&path)).contains("no tetrahedra"));
+    assert!(refusal(read_all(&path)).contains("no cells with a volume"));
 }
 
 /// The HDF5 file of a series with other bytes.

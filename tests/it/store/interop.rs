@@ -114,7 +114,7 @@ fn python_decodes_the_steps_of_vq() {
     for (entries, own_scales, tidy) in [(16, false, false), (300, true, true)] {
         let dir = tempfile::tempdir().unwrap();
         let mut source = sample(70);
-        let RawMesh { points, cells: Cells { tets } } = &mut source.mesh;
+        let RawMesh { points, cells: Cells { tets, .. } } = &mut source.mesh;
         if tidy {
             tets.iter_mut().for_each(|tet| orient(points, tet));
         } else {

@@ -114,7 +114,7 @@ fn read_series(path: &Path) -> FileResult<()> {
                 source.read(field, component, step, &mut out)?;
                 let values = match field.association {
                     Association::Point => mesh.points.len(),
-                    Association::Cell => mesh.cells.tets.len(),
+                    Association::Cell => mesh.cells.len(),
                 };
                 assert_eq!(out.len(), values, "{field:?}");
             }

@@ -1,0 +1,229 @@
+//! Cells of all shapes, split into tetrahedra.
+
+use super::series::{Grid, write_series};
+use glam::DVec3;
+use std::collections::HashMap;
+use std::fs;
+use tempfile::TempDir;
+use tetreel::export::vtu::{VtuOptions, write_collection};
+use tetreel::field::{Component, SeriesSource};
+use tetreel::import;
+use tetreel::mesh::{Mesh, RepairReport, tet_volume};
+use tetreel::task::{Cancel, Silent};
+
+/// Area of a polygon in a plane of constant z.
+fn area(polygon: &[[f64; 2]]) -> f64 {
+    let next = polygon.iter().cycle().skip(1);
+    0.5 * polygon.iter().zip(next).map(|([x, y], [u, v])| x * v - u * y).sum::<f64>()
+}
+
+/// A cube, a voxel beside it, a wedge on the cube, a pyramid on the voxel and a tetrahedron beside that, all of which share faces; prisms
+/// of five and six sides apart from them; and their volume. Points are dyadic fractions, so that rounding them to f32 is exact.
+fn block() -> (Grid, f64) {
+    let mut points: Vec<[f64; 3]> =
+        (0..12).map(|i| [f64::from(i % 3), f64::from(i / 3 % 2), f64::from(i / 6)]).collect();
+    points.extend([[0.5, 0.0, 2.0], [0.5, 1.0, 2.0], [1.5, 0.5, 2.0], [1.0, 0.5, 2.5]]);
+    let mut cells = vec![
+        (12, vec![0, 1, 4, 3, 6, 7, 10, 9]),
+        (11, vec![1, 2, 4, 5, 7, 8, 10, 11]),
+        (13, vec![6, 7, 12, 9, 10, 13]),
+        (14, vec![7, 8, 11, 10, 14]),
+        (10, vec![7, 10, 15, 14]),
+    ];
+    let tet = 0.125;
+    let mut volume = 1.0 + 1.0 + 0.5 + 1.0 / 3.0 + tet;
+    let pentagon = [[4.0, 0.0], [6.0, 0.0], [7.0, 1.0], [5.5, 2.5], [4.0, 1.0]];
+    let hexagon = [[10.0, 0.0], [11.0, 0.0], [12.5, 1.0], [12.0, 2.0], [10.5, 2.25], [9.5, 1.0]];
+    for (kind, polygon) in [(15, &pentagon[..]), (16, &hexagon[..])] {
+        let first = points.len();
+        for z in [0.0, 0.75] {
+            points.extend(polygon.iter().map(|[x, y]| [*x, *y, z]));
+        }
+        cells.push((kind, (first..points.len()).collect()));
+        volume += 0.75 * area(polygon);
+    }
+    let values = |count: usize| (0..count).map(|i| i as f64).collect::<Vec<_>>();
+    let (of_points, of_cells) = (values(points.len()), values(cells.len()));
+    let grid = Grid {
+        point_arrays: vec![("T", 1, of_points)],
+        cell_arrays: vec![("c", 1, of_cells)],
+        points,
+        cells,
+        ..Grid::default()
+    };
+    (grid, volume)
+}
+
+/// Triangles of the cells' faces that no other cell has, by the faces alone.
+fn boundary_triangles(cells: &[(u8, Vec<usize>)]) -> usize {
+    let mut faces: HashMap<Vec<usize>, usize> = HashMap::new();
+    for (kind, v) in cells {
+        let prism = |n: usize| {
+            let sides = (0..n).map(move |i| vec![i, (i + 1) % n, n + (i + 1) % n, n + i]);
+            sides.chain([(0..n).collect(), (n..2 * n).collect()]).collect::<Vec<Vec<usize>>>()
+        };
+        let of_cell = match kind {
+            10 => (0..4).map(|left_out| (0..4).filter(|&i| i != left_out).collect()).collect(),
+            11 => vec![
+                vec![0, 1, 2, 3],
+                vec![4, 5, 6, 7],
+                vec![0, 1, 4, 5],
+                vec![2, 3, 6, 7],
+                vec![0, 2, 4, 6],
+                vec![1, 3, 5, 7],
+            ],
+            12 => prism(4),
+            13 => prism(3),
+            14 => vec![vec![0, 1, 2, 3], vec![0, 1, 4], vec![1, 2, 4], vec![2, 3, 4], vec![3, 0, 4]],
+            15 => prism(5),
+            _ => prism(6),
+        };
+        for face in of_cell {
+            let mut face: Vec<usize> = face.into_iter().map(|i| v[i]).collect();
+            face.sort_unstable();
+            *faces.entry(face).or_default() += 1;
+        }
+    }
+    faces.into_iter().filter(|(_, count)| *count == 1).map(|(face, _)| face.len() - 2).sum()
+}
+
+/// The same grid with its points in another order.
+fn shuffled(grid: &Grid, seed: usize) -> Grid {
+    let n = grid.points.len();
+    // Steps without a common divisor with the number of points visit each.
+    let step = (1..)
+        .map(|i| 2 * (seed + i) + 1)
+        .find(|step| (2..=n).all(|d| !(n.is_multiple_of(d) && step.is_multiple_of(d))))
+        .expect("one");
+    let new: Vec<usize> = (0..n).map(|i| (i * step + seed) % n).collect();
+    let mut out = grid.clone();
+    for (i, &to) in new.iter().enumerate() {
+        out.points[to] = grid.points[i];
+        out.point_arrays[0].2[to] = grid.point_arrays[0].2[i];
+    }
+    out.cells.iter_mut().for_each(|(_, vertices)| vertices.iter_mut().for_each(|v| *v = new[*v]));
+    out
+}
+
+/// The grid as a file, which lasts as long as the folder, opened.
+fn open(grid: &Grid) -> (TempDir, Box<dyn SeriesSource>) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.vtu");
+    fs::write(&path, grid.text()).expect("a file");
+    let source = import::open(&path).expect("opens");
+    (folder, source)
+}
+
+fn build(grid: &Grid) -> (Mesh, RepairReport) {
+    Mesh::build(open(grid).1.mesh().expect("a mesh")).expect("cells with a volume")
+}
+
+fn volume_of(mesh: &Mesh) -> f64 {
+    let scale = mesh.positions.scale;
+    mesh.topology.tets.iter().map(|&tet| tet_volume(mesh.positions.corners(tet)) * scale.powi(3)).sum()
+}
+
+#[test]
+fn cells_of_all_shapes_fill_their_space_and_share_their_faces_however_points_are_numbered() {
+    let (grid, volume) = block();
+    let boundary = boundary_triangles(&grid.cells);
+    for seed in 0..60 {
+        let grid = shuffled(&grid, seed);
+        let (mesh, report) = build(&grid);
+        assert_eq!((report.cells_in, report.split_cells), (7, 6));
+        assert_eq!((report.flipped, report.warped_cells, report.zero_volume, report.non_manifold_faces), (0, 0, 0, 0));
+        assert_eq!((report.boundary_faces as usize, report.parts), (boundary, 3), "seed {seed}");
+        let found = volume_of(&mesh);
+        assert!((found / volume - 1.0).abs() < 1e-12, "{found} instead of {volume}");
+    }
+}
+
+#[test]
+fn a_cell_that_is_numbered_the_other_way_round_is_no_repair() {
+    let (mut grid, volume) = block();
+    // As in VTK's own figure of a wedge.
+    grid.cells[2].1 = vec![9, 10, 13, 6, 7, 12];
+    grid.cells[0].1 = vec![6, 7, 10, 9, 0, 1, 4, 3];
+    let (mesh, report) = build(&grid);
+    assert_eq!((report.flipped, report.warped_cells, report.non_manifold_faces), (0, 0, 0));
+    assert!((volume_of(&mesh) / volume - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn cells_with_a_vertex_twice_are_what_is_left_of_them_and_warped_ones_are_counted() {
+    let collapsed = Grid {
+        points: block().0.points,
+        // A wedge and a pyramid as hexahedra, as some solvers write them; and a hexahedron without a volume.
+        cells: vec![
+            (12, vec![6, 7, 12, 12, 9, 10, 13, 13]),
+            (12, vec![7, 8, 11, 10, 14, 14, 14, 14]),
+            (12, vec![0, 0, 0, 0, 1, 1, 1, 1]),
+        ],
+        point_arrays: Vec::new(),
+        cell_arrays: vec![("c", 1, vec![1.0, 2.0, 3.0])],
+        ..Grid::default()
+    };
+    let (mesh, report) = build(&collapsed);
+    assert_eq!((report.cells_in, report.zero_volume, report.warped_cells, report.cells_out), (3, 1, 0, 5));
+    assert!((volume_of(&mesh) - (0.5 + 1.0 / 3.0)).abs() < 1e-12);
+
+    let mut warped = Grid { cells: vec![(12, (0..8).collect())], cell_arrays: Vec::new(), ..collapsed };
+    warped.points =
+        (0..8).map(|i: u32| [f64::from((i & 1) ^ (i >> 1 & 1)), f64::from(i >> 1 & 1), f64::from(i >> 2)]).collect();
+    assert_eq!(build(&warped).1.warped_cells, 0);
+    // The corner opposite to the first one lies beyond it.
+    warped.points[6] = [-1.0, -1.0, -1.0];
+    let report = build(&warped).1;
+    assert_eq!((report.warped_cells, report.is_clean()), (1, false));
+}
+
+#[test]
+fn values_of_cells_follow_their_cells_and_curved_cells_are_read_by_their_corners() {
+    let (grid, _) = block();
+    let (_folder, source) = open(&grid);
+    let mut values = Vec::new();
+    source.read(&source.fields()[1], Component::Index(0), 0, &mut values).unwrap();
+    assert_eq!(values, [4.0, 0.0, 1.0, 2.0, 3.0, 5.0, 6.0], "the tetrahedron comes first");
+    assert!(source.notes().iter().any(|note| note.starts_with("split 6 cells into tetrahedra: 1 voxel, 1 hexahedron")));
+
+    let mut curved = grid.clone();
+    let middles = |n: usize| std::iter::repeat_n(0, n);
+    for (at, kind, more) in [(0, 25, 12), (2, 26, 9), (3, 27, 8), (4, 24, 6)] {
+        curved.cells[at].0 = kind;
+        curved.cells[at].1.extend(middles(more));
+    }
+    let (_folder_of_curved, of_curved) = open(&curved);
+    assert_eq!(of_curved.mesh().unwrap(), source.mesh().unwrap());
+    assert!(of_curved.notes().iter().any(|note| note.starts_with("read the corners alone of 4 curved cells")));
+}
+
+#[test]
+fn a_step_with_another_cell_is_refused() {
+    let (grid, _) = block();
+    let mut other = grid.clone();
+    other.cells[0].1.swap(4, 6);
+    let folder = tempfile::tempdir().expect("a folder");
+    let source =
+        import::open(&write_series(folder.path(), &[grid.clone(), other, grid])).expect("the first step is valid");
+    let mut out = Vec::new();
+    let field = &source.fields()[0];
+    assert!(source.read(field, Component::Index(0), 2, &mut out).is_ok());
+    let error = source.read(field, Component::Index(0), 1, &mut out).unwrap_err().to_string();
+    assert!(error.contains("a_1.vtu") && error.contains("other cells"), "{error}");
+}
+
+#[test]
+fn grids_of_all_shapes_are_written_as_they_were_read() {
+    let (grid, volume) = block();
+    let (_folder, source) = open(&grid);
+    let raw = source.mesh().unwrap();
+    let points: Vec<DVec3> = grid.points.iter().map(|&p| DVec3::from(p)).collect();
+    assert_eq!((raw.points, raw.cells.len()), (points, 7));
+    let folder = tempfile::tempdir().expect("a folder");
+    let pvd = folder.path().join("out.pvd");
+    write_collection(source.as_ref(), &pvd, &VtuOptions::default(), &Silent, &Cancel::new()).expect("is written");
+    let again = import::open(&pvd).expect("opens");
+    assert_eq!(again.mesh().unwrap(), source.mesh().unwrap());
+    let (mesh, _) = Mesh::build(again.mesh().unwrap()).unwrap();
+    assert!((volume_of(&mesh) / volume - 1.0).abs() < 1e-12);
+}
