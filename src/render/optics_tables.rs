@@ -22,6 +22,11 @@ pub enum OpticsTable {
 }
 
 impl OpticsTable {
+    /// Compares by pointer, not by content.
+    pub fn is_same(&self, other: &Self) -> bool {
+        std::ptr::eq(self.exact(), other.exact())
+    }
+
     /// The transfer function itself, whatever the optics.
     pub fn exact(&self) -> &ExactTable {
         match self {
@@ -163,23 +168,18 @@ mod tests {
         Arc::new(NodeTable::new((0..=10).map(node).collect()).unwrap())
     }
 
-    /// Compares by pointer, not by content.
-    fn is_same(a: &OpticsTable, b: &OpticsTable) -> bool {
-        std::ptr::eq(a.exact(), b.exact())
-    }
-
     #[test]
     fn a_table_is_kept_until_something_changes_that_it_depends_on() {
         for optics in OpticsKind::ALL {
             let mut tables = OpticsTables::of_resolution(SMALL);
             let first = job(optics);
             let made = tables.get(&first);
-            assert!(is_same(&tables.get(&first), &made), "{optics}");
+            assert!(tables.get(&first).is_same(&made), "{optics}");
             // A new step or view keeps the table.
             let moved = RenderJob { scalars: Arc::new(vec![1.0; first.scalars.len()]), ..first.clone() };
-            assert!(is_same(&tables.get(&moved), &made), "{optics}");
+            assert!(tables.get(&moved).is_same(&made), "{optics}");
             let alike = RenderJob { table: ramp(2.0), ..first.clone() };
-            assert!(!is_same(&tables.get(&alike), &made), "{optics}");
+            assert!(!tables.get(&alike).is_same(&made), "{optics}");
         }
     }
 
@@ -215,13 +215,13 @@ mod tests {
             let prepared = stage.prepare(&job);
             job.prepared = Some(prepared.clone());
             let mut renderer = OpticsTables::of_resolution(SMALL);
-            assert!(is_same(&renderer.get(&job), &prepared.table), "{optics}");
+            assert!(renderer.get(&job).is_same(&prepared.table), "{optics}");
             assert_eq!(renderer.entries_built(), 0, "{optics}");
             let other = RenderJob { table: ramp(3.0), ..job.clone() };
-            assert!(!is_same(&renderer.get(&other), &prepared.table), "{optics}");
+            assert!(!renderer.get(&other).is_same(&prepared.table), "{optics}");
             for other in OpticsKind::ALL.into_iter().filter(|other| *other != optics) {
                 let other = RenderJob { optics: other, ..job.clone() };
-                assert!(!is_same(&renderer.get(&other), &prepared.table), "{optics}");
+                assert!(!renderer.get(&other).is_same(&prepared.table), "{optics}");
             }
             let finer = Table3dResolution { scalars: 18, ..SMALL };
             let is_own = is_same(&OpticsTables::of_resolution(finer).get(&job), &prepared.table);
