@@ -110,27 +110,28 @@ impl GridReader {
         }
     }
 
-    /// Adds cell `cell` of the current piece, which has `points` points, the first of them `first_point`. `number` is its VTK type.
+    /// Adds cell `cell` of the current piece, which has `points` points, the first of them `first_point`, by its VTK type and kind.
     ///
     /// # Errors
-    /// If it has a wrong number of vertices, or one that is no point; the message says which. The type must be one that is read.
+    /// If it has a wrong number of vertices, or one that is no point, or is of a kind that is not read; the message says which.
     pub(super) fn push(
         &mut self,
-        (cell, number): (usize, u8),
+        cell: usize,
+        (number, kind): (u8, Kind),
         vertices: &[u64],
         points: usize,
         first_point: usize,
     ) -> Result<(), String> {
-        let (shape, sides) = match kind_of(number.into()) {
-            Some((_, Kind::Tet(sides))) => (None, sides),
-            Some((_, Kind::Voxel)) => (Some(Hexahedron), Linear),
-            Some((_, Kind::Solid(shape, sides))) => (Some(shape), sides),
-            _ => return Err(format!("cell {cell} is of type {number}, which is not read")),
+        let (shape, sides) = match kind {
+            Kind::Tet(sides) => (None, sides),
+            Kind::Voxel => (Some(Hexahedron), Linear),
+            Kind::Solid(shape, sides) => (Some(shape), sides),
+            Kind::Flat | Kind::Unread => return Err(format!("cell {cell} is of type {number}, which is not read")),
         };
-        let (name, corners) = (name_of(number), shape.map_or(4, Shape::corners));
+        let corners = shape.map_or(4, Shape::corners);
         let is_right = if sides == Linear { vertices.len() == corners } else { vertices.len() > corners };
         if !is_right {
-            return Err(format!("{name} {cell} has {} vertices", vertices.len()));
+            return Err(format!("{} {cell} has {} vertices", name_of(number), vertices.len()));
         }
         let vertices = &vertices[..corners];
         if let Some(vertex) = vertices.iter().find(|&&vertex| vertex >= points as u64) {
@@ -148,8 +149,7 @@ impl GridReader {
             return Ok(());
         };
         // The last two corners of each quadrilateral of a voxel are the other way round.
-        let is_voxel = number == VOXEL;
-        let corner = |i: usize| vertex(if is_voxel && i & 2 != 0 { i ^ 1 } else { i });
+        let corner = |i: usize| vertex(if kind == Kind::Voxel && i & 2 != 0 { i ^ 1 } else { i });
         self.mesh.cells.solids.push(shape, (0..corners).map(corner));
         self.solids.push(index);
         *self.split.entry(number).or_default() += 1;
@@ -194,14 +194,16 @@ pub(super) fn kind_of(number: u64) -> Option<(u8, Kind)> {
     CELL_TYPES.iter().find(|(n, ..)| u64::from(*n) == number).map(|&(n, _, kind)| (n, kind))
 }
 
+/// The treatment of a cell type that VTK knows.
+pub(super) fn kind(number: u8) -> Kind {
+    kind_of(number.into()).map_or(Kind::Unread, |(_, kind)| kind)
+}
+
 /// The error for a cell with a volume of a shape that is not read; `what` names its type.
 pub(super) fn refuse_solid(path: &Path, place: String, what: &str) -> FileError {
     FileError::unsupported(path, place, format!("{what}, which is not read"))
         .remedy("split it into tetrahedra, for example with ParaView's filter Tetrahedralize")
 }
-
-/// VTK's number of a voxel.
-const VOXEL: u8 = 11;
 
 #[cfg(test)]
 mod tests {
@@ -210,29 +212,29 @@ mod tests {
     #[test]
     fn cell_types_are_sorted_and_unique() {
         assert!(CELL_TYPES.windows(2).all(|pair| pair[0].0 < pair[1].0));
-        assert_eq!(kind_of(VOXEL.into()), Some((VOXEL, Kind::Voxel)));
     }
 
     #[test]
     fn cells_of_all_shapes_are_numbered_as_in_the_file_wherever_they_stand() {
+        let of = |number| kind_of(number).unwrap();
         let mut grid = GridReader::default();
-        grid.push((0, 12), &[0, 1, 2, 3, 4, 5, 6, 7], 8, 0).unwrap();
-        grid.push((1, 10), &[0, 1, 2, 4], 8, 0).unwrap();
+        grid.push(0, of(12), &[0, 1, 2, 3, 4, 5, 6, 7], 8, 0).unwrap();
+        grid.push(1, of(10), &[0, 1, 2, 4], 8, 0).unwrap();
         grid.cells = 2;
         assert_eq!(grid.kept(), Some(vec![1, 0]), "tetrahedra come first");
-        grid.push((1, 11), &[0, 1, 2, 3, 4, 5, 6, 7], 8, 8).unwrap();
+        grid.push(1, of(11), &[0, 1, 2, 3, 4, 5, 6, 7], 8, 8).unwrap();
         grid.cells = 4;
         assert_eq!(grid.kept(), Some(vec![1, 0, 3]));
         let voxel: Vec<_> = grid.mesh.cells.iter().nth(2).unwrap().to_vec();
         assert_eq!(voxel, [8, 9, 11, 10, 12, 13, 15, 14]);
         let mut alone = GridReader::default();
-        alone.push((0, 25), &(0..20).collect::<Vec<u64>>(), 20, 0).unwrap();
+        alone.push(0, of(25), &(0..20).collect::<Vec<u64>>(), 20, 0).unwrap();
         alone.cells = 1;
         assert_eq!((alone.kept(), alone.mesh.cells.len()), (None, 1));
         assert_eq!(alone.notes().len(), 2, "{:?}", alone.notes());
-        assert_eq!(alone.push((1, 12), &[0, 1, 2], 20, 0), Err("hexahedron 1 has 3 vertices".to_owned()));
-        assert!(alone.push((1, 13), &[0, 1, 2, 3, 4, 20], 20, 0).unwrap_err().contains("vertex 20"));
-        assert!(alone.push((1, 24), &[0, 1, 2, 3], 20, 0).is_err(), "a quadratic tetrahedron has more");
-        assert!(alone.push((1, 42), &[0, 1, 2, 3], 20, 0).is_err());
+        assert_eq!(alone.push(1, of(12), &[0, 1, 2], 20, 0), Err("hexahedron 1 has 3 vertices".to_owned()));
+        assert!(alone.push(1, of(13), &[0, 1, 2, 3, 4, 20], 20, 0).unwrap_err().contains("vertex 20"));
+        assert!(alone.push(1, of(24), &[0, 1, 2, 3], 20, 0).is_err(), "a quadratic tetrahedron has more");
+        assert!(alone.push(1, of(42), &[0, 1, 2, 3], 20, 0).is_err());
     }
 }

@@ -61,21 +61,21 @@ fn add_cells(grid: &mut GridReader, file: &VtuFile, piece: &Piece, first_point: 
         }
         let bad_cell = |problem: String| file.invalid(connectivity_array, connectivity_array.byte, problem);
         match read_type(file, i, cell_type)? {
-            (flat, true) => grid.skip(flat, 1),
-            (number, false) => grid.push((i, number), vertices, piece.points, first_point).map_err(bad_cell)?,
+            (flat, Kind::Flat) => grid.skip(flat, 1),
+            read => grid.push(i, read, vertices, piece.points, first_point).map_err(bad_cell)?,
         }
     }
     Ok(())
 }
 
-/// The VTK type of a cell that is read, and whether it has no volume. Any other type is an error.
-fn read_type(file: &VtuFile, cell: usize, cell_type: u64) -> FileResult<(u8, bool)> {
+/// The VTK type of a cell that is read or skipped, and its kind. Any other type is an error.
+fn read_type(file: &VtuFile, cell: usize, cell_type: u64) -> FileResult<(u8, Kind)> {
     let place = format!("cell {cell}");
     match kind_of(cell_type) {
         Some((number, Kind::Unread)) => {
             Err(refuse_solid(&file.path, place, &format!("is of type {number} ({})", name_of(number))))
         }
-        Some((number, kind)) => Ok((number, kind == Kind::Flat)),
+        Some(read) => Ok(read),
         None => Err(FileError::invalid(&file.path, place, format!("is of type {cell_type}, which VTK does not know"))),
     }
 }

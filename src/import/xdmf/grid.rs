@@ -171,7 +171,7 @@ fn shape_of(document: &Document, id: Id, name: &str) -> FileResult<CellShape> {
         let problem = format!("TopologyType=\"{name}\" is not read: only unstructured grids are");
         return Err(document.unsupported(id, problem));
     };
-    if let Some((_, Kind::Unread)) = cells::kind_of(cell_type.vtk.into()) {
+    if cells::kind(cell_type.vtk) == Kind::Unread {
         let what = format!("its cells are of type {} ({})", cell_type.name, cells::name_of(cell_type.vtk));
         return Err(cells::refuse_solid(document.path(), document.place(id), &what));
     }

@@ -1,6 +1,6 @@
 //! One step: the grids that make up its mesh, and the fields on them.
 
-use super::super::cells::{GridReader, Kind, kind_of, name_of, refuse_solid};
+use super::super::cells::{GridReader, Kind, kind, name_of, refuse_solid};
 use super::super::numbers::Values;
 use super::super::series::StepReader;
 use super::grid::{Attribute, CELL_TYPES, CellShape, Geometry, Grid, Topology};
@@ -156,7 +156,7 @@ impl XdmfStep {
     fn add_cells(&self, reader: &mut GridReader, grid: &Grid, first_point: usize) -> FileResult<()> {
         let topology = &grid.topology;
         let of_type = match topology.shape {
-            CellShape::Same(vtk) if matches!(kind_of(vtk.into()), Some((_, Kind::Flat))) => {
+            CellShape::Same(vtk) if kind(vtk) == Kind::Flat => {
                 reader.skip(vtk, topology.cells);
                 return Ok(());
             }
@@ -179,8 +179,9 @@ impl XdmfStep {
             return Err(invalid(format!("has {got} corners, but {cells} cells of type {name} need {needed}")));
         }
         self.rebase(topology, &mut corners)?;
+        let read = (of_type.vtk, kind(of_type.vtk));
         for (cell, vertices) in corners.chunks_exact(of_type.corners).enumerate() {
-            reader.push((cell, of_type.vtk), vertices, grid.points, first_point).map_err(invalid)?;
+            reader.push(cell, read, vertices, grid.points, first_point).map_err(invalid)?;
         }
         Ok(())
     }
@@ -196,8 +197,8 @@ impl XdmfStep {
             let known = CELL_TYPES.iter().find(|t| t.code == code);
             let known =
                 known.ok_or_else(|| invalid(format!("cell {cell} is of type {code}, which XDMF does not know")))?;
-            let kind = kind_of(known.vtk.into()).map(|(_, kind)| kind);
-            if kind == Some(Kind::Unread) {
+            let read = (known.vtk, kind(known.vtk));
+            if read.1 == Kind::Unread {
                 let what = format!("cell {cell} is of type {code} ({})", name_of(known.vtk));
                 return Err(refuse_solid(self.path(), self.document.place(topology.id), &what));
             }
@@ -210,13 +211,13 @@ impl XdmfStep {
             };
             let (vertices, after) = after.split_at_checked(corners).ok_or_else(cut)?;
             rest = after;
-            if kind == Some(Kind::Flat) {
+            if read.1 == Kind::Flat {
                 reader.skip(known.vtk, 1);
                 continue;
             }
             let mut vertices = vertices.to_vec();
             self.rebase(topology, &mut vertices)?;
-            reader.push((cell, known.vtk), &vertices, grid.points, first_point).map_err(invalid)?;
+            reader.push(cell, read, &vertices, grid.points, first_point).map_err(invalid)?;
         }
         if rest.is_empty() { Ok(()) } else { Err(invalid(format!("{} numbers follow the last cell", rest.len()))) }
     }
