@@ -224,7 +224,7 @@ mod tests {
                 assert!(!renderer.get(&other).is_same(&prepared.table), "{optics}");
             }
             let finer = Table3dResolution { scalars: 18, ..SMALL };
-            let is_own = is_same(&OpticsTables::of_resolution(finer).get(&job), &prepared.table);
+            let is_own = OpticsTables::of_resolution(finer).get(&job).is_same(&prepared.table);
             assert_eq!(is_own, optics != OpticsKind::Table3d);
         }
     }
