@@ -140,11 +140,11 @@ fn damaged_series_are_refused_and_leave_no_output_and_the_old_one_untouched() {
                     let file = format!("run/tornado_{step:04}.vtu");
                     let mut bytes = std::fs::read(p.path(&file)).unwrap();
                     let tail = bytes.windows(8).rposition(|w| w == [10; 8]).unwrap();
-                    bytes[tail] = 12;
+                    bytes[tail] = 42;
                     std::fs::write(p.path(&file), bytes).unwrap();
                 }
             },
-            &["tornado_0000.vtu", "12", "hexahedron"],
+            &["tornado_0000.vtu", "42", "polyhedron"],
         ),
         (
             "missing field",
