@@ -62,13 +62,14 @@ impl Mesh {
 
     /// [`Self::build`] of split cells.
     pub(crate) fn build_split(points: Vec<DVec3>, mut split: Split) -> Result<(Mesh, RepairReport), MeshError> {
+        let cells_in = split.cell_count() as u64;
         let mut tets = std::mem::take(&mut split.tets);
         repair::check_counts(tets.len(), points.len())?;
         repair::check_indices(&tets, points.len())?;
         if tets.is_empty() {
             return Err(MeshError::NoCells);
         }
-        let (cells_in, vertices_in) = (split.cell_count() as u64, points.len() as u64);
+        let vertices_in = points.len() as u64;
         let mut report = RepairReport { cells_in, vertices_in, ..Default::default() };
 
         let raw_positions = repair::local_positions(&points, &tets)?;
