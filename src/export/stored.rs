@@ -1,9 +1,9 @@
 //! A store as a source: its steps decoded, in the numbering of the file that it was imported from.
 //!
 //! The store has the source index of each vertex and cell. Points and cells dropped by the import (points that no cell used, flat and
-//! duplicate cells) are missing; the others keep their order. Cells that were split come back as their tetrahedra. Cells with reversed orientation are reversed back. Points are those of the
-//! source, bit for bit. (A store of an older version gives them to within 2^-25 of its frame, which is half the longest side of the mesh's
-//! box, rounded up to a power of two.)
+//! duplicate cells) are missing; the others keep their order. Cells that were split come back as their tetrahedra. Cells with reversed
+//! orientation are reversed back. Points are those of the source, bit for bit. (A store of an older version gives them to within 2^-25 of
+//! its frame, which is half the longest side of the mesh's box, rounded up to a power of two.)
 
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, FieldInfo, FieldSelector, SeriesSource, TimeAxis};

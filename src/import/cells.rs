@@ -1,12 +1,12 @@
 //! Points and cells of a step, collected piece by piece, and which cell types are kept, skipped or refused.
 
 use crate::error::{FileError, FileResult};
-use crate::mesh::{RawMesh, Shape};
+use crate::mesh::{RawMesh, SolidShape};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use Shape::{HexagonalPrism, Hexahedron, PentagonalPrism, Pyramid, Wedge};
-use Sides::{Curved, Linear};
+use Sides::{AnyOrder, Linear, Quadratic};
+use SolidShape::{HexagonalPrism, Hexahedron, PentagonalPrism, Pyramid, Wedge};
 
 /// The treatment of a VTK cell type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,18 +18,20 @@ pub(super) enum Kind {
     /// A hexahedron with axis-parallel edges, whose corners are in another order.
     Voxel,
     /// A cell that is split.
-    Solid(Shape, Sides),
+    Solid(SolidShape, Sides),
     /// Another cell with a volume.
     Unread,
 }
 
-/// The sides of a cell.
+/// The vertices of a cell: the corners come first, and alone are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sides {
-    /// Linear: the cell has its corners alone.
+    /// The corners alone.
     Linear,
-    /// Of a higher order: the corners come first, and alone are read.
-    Curved,
+    /// This number.
+    Quadratic(usize),
+    /// The corners, and as many more as the cell's order has.
+    AnyOrder,
 }
 
 /// Number, name and kind of the cell types of VTK (`vtkCellType.h`).
@@ -43,14 +45,14 @@ const CELL_TYPES: &[(u8, &str, Kind)] = &[
     (14, "pyramid", Kind::Solid(Pyramid, Linear)), (15, "pentagonal prism", Kind::Solid(PentagonalPrism, Linear)),
     (16, "hexagonal prism", Kind::Solid(HexagonalPrism, Linear)),
     (21, "quadratic edge", Kind::Flat), (22, "quadratic triangle", Kind::Flat), (23, "quadratic quad", Kind::Flat),
-    (24, "quadratic tetrahedron", Kind::Tet(Curved)), (25, "quadratic hexahedron", Kind::Solid(Hexahedron, Curved)),
-    (26, "quadratic wedge", Kind::Solid(Wedge, Curved)), (27, "quadratic pyramid", Kind::Solid(Pyramid, Curved)),
-    (28, "biquadratic quad", Kind::Flat), (29, "triquadratic hexahedron", Kind::Solid(Hexahedron, Curved)),
-    (30, "quadratic linear quad", Kind::Flat), (31, "quadratic linear wedge", Kind::Solid(Wedge, Curved)),
-    (32, "biquadratic quadratic wedge", Kind::Solid(Wedge, Curved)),
-    (33, "biquadratic quadratic hexahedron", Kind::Solid(Hexahedron, Curved)),
+    (24, "quadratic tetrahedron", Kind::Tet(Quadratic(10))), (25, "quadratic hexahedron", Kind::Solid(Hexahedron, Quadratic(20))),
+    (26, "quadratic wedge", Kind::Solid(Wedge, Quadratic(15))), (27, "quadratic pyramid", Kind::Solid(Pyramid, Quadratic(13))),
+    (28, "biquadratic quad", Kind::Flat), (29, "triquadratic hexahedron", Kind::Solid(Hexahedron, Quadratic(27))),
+    (30, "quadratic linear quad", Kind::Flat), (31, "quadratic linear wedge", Kind::Solid(Wedge, Quadratic(12))),
+    (32, "biquadratic quadratic wedge", Kind::Solid(Wedge, Quadratic(18))),
+    (33, "biquadratic quadratic hexahedron", Kind::Solid(Hexahedron, Quadratic(24))),
     (34, "biquadratic triangle", Kind::Flat), (35, "cubic line", Kind::Flat), (36, "quadratic polygon", Kind::Flat),
-    (37, "triquadratic pyramid", Kind::Solid(Pyramid, Curved)), (41, "convex point set", Kind::Unread),
+    (37, "triquadratic pyramid", Kind::Solid(Pyramid, Quadratic(19))), (41, "convex point set", Kind::Unread),
     (42, "polyhedron", Kind::Unread),
     (51, "parametric curve", Kind::Flat), (52, "parametric surface", Kind::Flat),
     (53, "parametric triangle surface", Kind::Flat), (54, "parametric quad surface", Kind::Flat),
@@ -60,11 +62,11 @@ const CELL_TYPES: &[(u8, &str, Kind)] = &[
     (64, "higher order tetrahedron", Kind::Unread), (65, "higher order wedge", Kind::Unread),
     (66, "higher order pyramid", Kind::Unread), (67, "higher order hexahedron", Kind::Unread),
     (68, "Lagrange curve", Kind::Flat), (69, "Lagrange triangle", Kind::Flat), (70, "Lagrange quad", Kind::Flat),
-    (71, "Lagrange tetrahedron", Kind::Tet(Curved)), (72, "Lagrange hexahedron", Kind::Solid(Hexahedron, Curved)),
-    (73, "Lagrange wedge", Kind::Solid(Wedge, Curved)), (74, "Lagrange pyramid", Kind::Solid(Pyramid, Curved)),
+    (71, "Lagrange tetrahedron", Kind::Tet(AnyOrder)), (72, "Lagrange hexahedron", Kind::Solid(Hexahedron, AnyOrder)),
+    (73, "Lagrange wedge", Kind::Solid(Wedge, AnyOrder)), (74, "Lagrange pyramid", Kind::Solid(Pyramid, AnyOrder)),
     (75, "Bezier curve", Kind::Flat), (76, "Bezier triangle", Kind::Flat), (77, "Bezier quad", Kind::Flat),
-    (78, "Bezier tetrahedron", Kind::Tet(Curved)), (79, "Bezier hexahedron", Kind::Solid(Hexahedron, Curved)),
-    (80, "Bezier wedge", Kind::Solid(Wedge, Curved)), (81, "Bezier pyramid", Kind::Solid(Pyramid, Curved)),
+    (78, "Bezier tetrahedron", Kind::Tet(AnyOrder)), (79, "Bezier hexahedron", Kind::Solid(Hexahedron, AnyOrder)),
+    (80, "Bezier wedge", Kind::Solid(Wedge, AnyOrder)), (81, "Bezier pyramid", Kind::Solid(Pyramid, AnyOrder)),
 ];
 
 /// Collects the mesh of a step, piece by piece.
@@ -128,19 +130,22 @@ impl GridReader {
             Kind::Solid(shape, sides) => (Some(shape), sides),
             Kind::Flat | Kind::Unread => return Err(format!("cell {cell} is of type {number}, which is not read")),
         };
-        let corners = shape.map_or(4, Shape::corners);
-        let is_right = if sides == Linear { vertices.len() == corners } else { vertices.len() > corners };
+        let corners = shape.map_or(4, SolidShape::corners);
+        let is_right = match sides {
+            Linear => vertices.len() == corners,
+            Quadratic(count) => vertices.len() == count,
+            AnyOrder => vertices.len() >= corners,
+        };
         if !is_right {
             return Err(format!("{} {cell} has {} vertices", name_of(number), vertices.len()));
         }
-        let vertices = &vertices[..corners];
         if let Some(vertex) = vertices.iter().find(|&&vertex| vertex >= points as u64) {
             return Err(format!("cell {cell} has vertex {vertex}, but there are {points} points"));
         }
         // In range: the number of points of all pieces is.
         let vertex = |i: usize| (first_point + vertices[i] as usize) as u32;
         let index = (self.cells + cell) as u32;
-        if sides == Curved {
+        if vertices.len() > corners {
             *self.curved.entry(number).or_default() += 1;
         }
         let Some(shape) = shape else {
@@ -234,7 +239,19 @@ mod tests {
         assert_eq!(alone.notes().len(), 2, "{:?}", alone.notes());
         assert_eq!(alone.push(1, of(12), &[0, 1, 2], 20, 0), Err("hexahedron 1 has 3 vertices".to_owned()));
         assert!(alone.push(1, of(13), &[0, 1, 2, 3, 4, 20], 20, 0).unwrap_err().contains("vertex 20"));
-        assert!(alone.push(1, of(24), &[0, 1, 2, 3], 20, 0).is_err(), "a quadratic tetrahedron has more");
+        assert!(alone.push(1, of(24), &[0, 1, 2, 3], 20, 0).is_err(), "a quadratic tetrahedron has ten");
+        assert!(
+            alone.push(1, of(25), &(0..19).collect::<Vec<u64>>(), 20, 0).is_err(),
+            "a quadratic hexahedron has twenty"
+        );
+        assert!(alone.push(1, of(71), &[0, 1, 2], 20, 0).is_err());
+        assert!(alone.push(1, of(71), &[0, 1, 2, 3, 20], 20, 0).unwrap_err().contains("vertex 20"), "corner or not");
+        alone.push(1, of(71), &[0, 1, 2, 3], 20, 0).unwrap();
+        assert_eq!(
+            (alone.curved.get(&71), alone.curved.get(&25)),
+            (None, Some(&1)),
+            "a Lagrange cell of order one is linear"
+        );
         assert!(alone.push(1, of(42), &[0, 1, 2, 3], 20, 0).is_err());
     }
 }

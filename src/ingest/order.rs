@@ -111,7 +111,7 @@ fn has_repeats(numbers: &[u32]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::{RawMesh, Shape};
+    use crate::mesh::{RawMesh, SolidShape};
     use glam::DVec3;
 
     #[test]
@@ -121,7 +121,7 @@ mod tests {
         let mut raw = RawMesh { points, ..RawMesh::default() };
         for x in 0..2 {
             let corners = [0, 1, 4, 3, 6, 7, 10, 9].map(|corner| corner + x);
-            raw.cells.solids.push(Shape::Hexahedron, corners.into_iter());
+            raw.cells.solids.push(SolidShape::Hexahedron, corners.into_iter());
         }
         let (mesh, report) = Mesh::build(raw).unwrap();
         assert_eq!((report.cells_in, report.split_cells, report.cells_out), (2, 2, 12));

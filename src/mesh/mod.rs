@@ -28,7 +28,7 @@ pub use gradient::{tet_gradient, tet_gradient_magnitude};
 pub use plane::Plane;
 pub use positions::Positions;
 pub use report::RepairReport;
-pub use split::{Cells, Shape, Solids, Split, gather, split};
+pub use split::{Cells, SolidShape, Solids, Split, gather, split};
 pub use topology::{CellNeighbour, FACE_VERTICES, NONE, Topology};
 
 use glam::DVec3;

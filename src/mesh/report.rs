@@ -11,10 +11,10 @@ pub struct RepairReport {
     /// Cells in the source.
     pub cells_in: u64,
     /// Cells of the source that were split into several tetrahedra, which are cells of the mesh.
-    #[serde(skip_serializing_if = "is_none")]
+    #[serde(skip_serializing_if = "is_zero")]
     pub split_cells: u64,
     /// Split cells some tetrahedra of which overlap others, as their faces are warped.
-    #[serde(skip_serializing_if = "is_none")]
+    #[serde(skip_serializing_if = "is_zero")]
     pub warped_cells: u64,
     /// Cells in the mesh.
     pub cells_out: u64,
@@ -41,8 +41,8 @@ pub struct RepairReport {
     pub parts: u64,
 }
 
-/// Meshes of tetrahedra say nothing of splits.
-fn is_none(count: &u64) -> bool {
+/// Whether a count is left out: meshes of tetrahedra say nothing of splits.
+fn is_zero(count: &u64) -> bool {
     *count == 0
 }
 

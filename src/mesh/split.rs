@@ -14,7 +14,7 @@ use std::ops::Range;
 
 /// A shape of cells that is split, with the corners as VTK numbers them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Shape {
+pub enum SolidShape {
     /// Four corners, then the apex.
     Pyramid,
     /// A triangle, then the one above it.
@@ -27,7 +27,7 @@ pub enum Shape {
     HexagonalPrism,
 }
 
-impl Shape {
+impl SolidShape {
     /// Number of corners.
     pub const fn corners(self) -> usize {
         match self {
@@ -70,10 +70,10 @@ impl Shape {
     }
 }
 
-/// Cells of a [`Shape`] each.
+/// Cells of a [`SolidShape`] each.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Solids {
-    shapes: Vec<Shape>,
+    shapes: Vec<SolidShape>,
     /// Vertex indices of all corners, cell by cell.
     corners: Vec<u32>,
 }
@@ -90,14 +90,14 @@ impl Solids {
     }
 
     /// Adds a cell; the number of vertices must be that of the shape's corners.
-    pub fn push(&mut self, shape: Shape, corners: impl ExactSizeIterator<Item = u32>) {
+    pub fn push(&mut self, shape: SolidShape, corners: impl ExactSizeIterator<Item = u32>) {
         assert_eq!(corners.len(), shape.corners(), "{shape:?}");
         self.shapes.push(shape);
         self.corners.extend(corners);
     }
 
-    /// Shape and vertex indices of the cells.
-    pub fn iter(&self) -> impl Iterator<Item = (Shape, &[u32])> {
+    /// SolidShape and vertex indices of the cells.
+    pub fn iter(&self) -> impl Iterator<Item = (SolidShape, &[u32])> {
         let mut rest = self.corners.as_slice();
         self.shapes.iter().map(move |&shape| {
             let (corners, after) = rest.split_at(shape.corners());
@@ -202,7 +202,7 @@ pub fn split(cells: Cells) -> Split {
 }
 
 /// Adds the tetrahedra of a cell, those without a vertex named twice.
-fn pull(shape: Shape, corners: &[u32], tets: &mut Vec<[u32; 4]>) {
+fn pull(shape: SolidShape, corners: &[u32], tets: &mut Vec<[u32; 4]>) {
     let Some(&apex) = corners.iter().min() else { return };
     for face in shape.faces() {
         let vertex = |i: usize| corners[face[i % face.len()]];

@@ -3,18 +3,20 @@
 use crate::error::FileResult;
 use crate::export::appended::{Appended, Values};
 use crate::field::Association;
-use crate::mesh::RawMesh;
+use crate::mesh::{RawMesh, SolidShape};
 use std::path::Path;
 
-/// VTK's type of a cell with this number of corners: each shape has another.
-fn vtk_type(corners: usize) -> u8 {
-    match corners {
-        4 => 10,
-        5 => 14,
-        6 => 13,
-        8 => 12,
-        10 => 15,
-        _ => 16,
+/// VTK's cell type of a tetrahedron.
+const VTK_TETRA: u8 = 10;
+
+/// VTK's cell type of a shape.
+fn vtk_type(shape: SolidShape) -> u8 {
+    match shape {
+        SolidShape::Hexahedron => 12,
+        SolidShape::Wedge => 13,
+        SolidShape::Pyramid => 14,
+        SolidShape::PentagonalPrism => 15,
+        SolidShape::HexagonalPrism => 16,
     }
 }
 
@@ -37,7 +39,9 @@ pub(super) fn write(path: &Path, mesh: &RawMesh, time: f64, fields: &[Values]) -
         Some(end.to_le_bytes())
     });
     file.array("Int64", "offsets", (1, cells.len()), offsets);
-    file.array("UInt8", "types", (1, cells.len()), cells.iter().map(|cell| [vtk_type(cell.len())]));
+    let of_solids = cells.solids.iter().map(|(shape, _)| vtk_type(shape));
+    let types = std::iter::repeat_n(VTK_TETRA, cells.tets.len()).chain(of_solids);
+    file.array("UInt8", "types", (1, cells.len()), types.map(|number| [number]));
     file.text += "</Cells>\n</Piece>\n";
     file.write(path)
 }
