@@ -1,13 +1,13 @@
 //! A store as a source: its steps decoded, in the numbering of the file that it was imported from.
 //!
 //! The store has the source index of each vertex and cell. Points and cells dropped by the import (points that no cell used, flat and
-//! duplicate cells) are missing; the others keep their order. Cells that were split come back as their tetrahedra. Cells with reversed
+//! duplicate cells) are missing; the others keep their order. Cells that were split come back as they were. Cells with reversed
 //! orientation are reversed back. Points are those of the source, bit for bit. (A store of an older version gives them to within 2^-25 of
 //! its frame, which is half the longest side of the mesh's box, rounded up to a power of two.)
 
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, FieldInfo, FieldSelector, SeriesSource, TimeAxis};
-use crate::mesh::{Mesh, RawMesh};
+use crate::mesh::{Cells, Mesh, RawMesh, Solids};
 use crate::store::{FieldReader, Store, StoredField};
 use std::sync::{Mutex, PoisonError};
 
@@ -31,7 +31,7 @@ impl<'a> StoredSeries<'a> {
     /// # Errors
     /// If the mesh cannot be read, or a field does not exist.
     pub fn new(store: &'a Store, selectors: &[FieldSelector]) -> FileResult<Self> {
-        let Mesh { topology, positions, vertex_source, cell_source, cell_turned } = store.mesh()?;
+        let Mesh { topology, positions, vertex_source, cell_source, cell_turned, split_cells } = store.mesh()?;
         let vertices = order_of(&vertex_source);
         let as_read = store.source_points()?;
         let point = |v: u32| as_read.as_ref().map_or_else(|| positions.world(v as usize), |points| points[v as usize]);
@@ -40,16 +40,21 @@ impl<'a> StoredSeries<'a> {
         for (rank, &vertex) in (0_u32..).zip(&vertices) {
             ranks[vertex as usize] = rank;
         }
-        let cells = order_of(&cell_source);
+        let mut cells = order_of(&cell_source);
+        cells.retain(|&cell| split_cells.source.binary_search(&cell_source[cell as usize]).is_err());
         let tet = |&cell: &u32| {
             let [a, b, c, d] = topology.tets[cell as usize].map(|v| ranks[v as usize]);
             if cell_turned[cell as usize] { [a, b, d, c] } else { [a, b, c, d] }
         };
         let tets: Vec<_> = cells.iter().map(tet).collect();
+        let mut solids = Solids::default();
+        for (shape, corners) in split_cells.solids.iter() {
+            solids.push(shape, corners.iter().map(|&v| ranks[v as usize]));
+        }
         let chosen = chosen(store, selectors)?.into_iter();
         let (fields, readers) = chosen.map(|Group { info, components }| (info, components)).unzip();
         let buffer = Mutex::new(vec![0.0; vertices.len()]);
-        Ok(Self { store, mesh: RawMesh { points, cells: tets.into() }, fields, readers, vertices, buffer })
+        Ok(Self { store, mesh: RawMesh { points, cells: Cells { tets, solids } }, fields, readers, vertices, buffer })
     }
 }
 

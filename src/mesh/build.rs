@@ -113,13 +113,14 @@ impl Mesh {
         drop(raw_positions);
         let vertex_source = sources(vertex_order);
 
+        let split_cells = split.split_cells(&cell_source, &vertex_source, report.vertices_in as usize);
         // At most the number of points, which was checked above.
         let vertex_count = vertex_source.len() as u32;
         let (topology, non_manifold_faces) = faces::connect(vertex_count, tets);
         report.non_manifold_faces = non_manifold_faces;
         report.boundary_faces = topology.boundary_faces().count() as u64;
         report.parts = topology.count_parts();
-        Ok((Mesh { topology, positions, vertex_source, cell_source, cell_turned }, report))
+        Ok((Mesh { topology, positions, vertex_source, cell_source, cell_turned, split_cells }, report))
     }
 }
 

@@ -96,6 +96,7 @@ impl Mesh {
         check_length("points", self.positions.local.len(), vertices)?;
         check_length("vertex_source", self.vertex_source.len(), vertices)?;
         check_length("cell_source", self.cell_source.len(), cells)?;
+        check_length("split_cells.source", self.split_cells.source.len(), self.split_cells.solids.len())?;
         self.topology.check()?;
         check_orientation(&self.topology.tets, &self.positions)?;
         match super::repair::used_vertices(self.topology.tets.iter(), vertices).iter().position(|used| !used) {

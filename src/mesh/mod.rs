@@ -28,7 +28,7 @@ pub use gradient::{tet_gradient, tet_gradient_magnitude};
 pub use plane::Plane;
 pub use positions::Positions;
 pub use report::RepairReport;
-pub use split::{Cells, SolidShape, Solids, Split, gather, split};
+pub use split::{Cells, SolidShape, Solids, Split, SplitCells, gather, split};
 pub use topology::{CellNeighbour, FACE_VERTICES, NONE, Topology};
 
 use glam::DVec3;
@@ -55,4 +55,6 @@ pub struct Mesh {
     pub cell_source: Vec<u32>,
     /// Whether the last two vertices of each cell were swapped to make its volume positive.
     pub cell_turned: Vec<bool>,
+    /// The cells of the [`RawMesh`] of which several cells were made.
+    pub split_cells: SplitCells,
 }

@@ -10,6 +10,7 @@
 //! Faces that are not plane are two triangles. A cell that they warp so far that a corner does not see all of its faces has tetrahedra
 //! that overlap: [`Mesh::build`](super::Mesh::build) counts it.
 
+use super::NONE;
 use std::ops::Range;
 
 /// A shape of cells that is split, with the corners as VTK numbers them.
@@ -28,6 +29,21 @@ pub enum SolidShape {
 }
 
 impl SolidShape {
+    /// All shapes.
+    pub const ALL: [Self; 5] =
+        [Self::Pyramid, Self::Wedge, Self::Hexahedron, Self::PentagonalPrism, Self::HexagonalPrism];
+
+    /// Its number in VTK (`vtkCellType.h`).
+    pub const fn vtk_type(self) -> u8 {
+        match self {
+            Self::Hexahedron => 12,
+            Self::Wedge => 13,
+            Self::Pyramid => 14,
+            Self::PentagonalPrism => 15,
+            Self::HexagonalPrism => 16,
+        }
+    }
+
     /// Number of corners.
     pub const fn corners(self) -> usize {
         match self {
@@ -84,6 +100,16 @@ impl Solids {
         self.shapes.len()
     }
 
+    /// Shape of each cell.
+    pub fn shapes(&self) -> &[SolidShape] {
+        &self.shapes
+    }
+
+    /// Vertex indices of all corners, cell by cell.
+    pub fn corners(&self) -> &[u32] {
+        &self.corners
+    }
+
     /// Whether there are no cells.
     pub fn is_empty(&self) -> bool {
         self.shapes.is_empty()
@@ -96,7 +122,7 @@ impl Solids {
         self.corners.extend(corners);
     }
 
-    /// SolidShape and vertex indices of the cells.
+    /// Shape and vertex indices of the cells.
     pub fn iter(&self) -> impl Iterator<Item = (SolidShape, &[u32])> {
         let mut rest = self.corners.as_slice();
         self.shapes.iter().map(move |&shape| {
@@ -139,6 +165,15 @@ impl From<Vec<[u32; 4]>> for Cells {
     }
 }
 
+/// The cells of a mesh's source that were split. One is missing if a vertex of it is not in the mesh, as only flat parts of it had it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SplitCells {
+    /// Index of each in the source, ascending.
+    pub source: Vec<u32>,
+    /// Their shapes, and their vertices in the mesh.
+    pub solids: Solids,
+}
+
 /// Tetrahedra that fill the cells of a file, cell by cell.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Split {
@@ -146,6 +181,8 @@ pub struct Split {
     pub tets: Vec<[u32; 4]>,
     /// Cell of each tetrahedron, ascending; `None` if tetrahedron i is cell i.
     pub cell_of_tet: Option<Vec<u32>>,
+    /// The cells that were split: the last ones.
+    pub solids: Solids,
 }
 
 impl Split {
@@ -174,6 +211,32 @@ impl Split {
         ranges.filter(|range| range.len() > 1)
     }
 
+    /// The split cells of a mesh whose cells are of these source cells, and whose vertices are of these points.
+    pub(super) fn split_cells(&self, cell_source: &[u32], vertex_source: &[u32], points: usize) -> SplitCells {
+        let mut kept = SplitCells::default();
+        if self.solids.is_empty() {
+            return kept;
+        }
+        let cells = self.cell_count();
+        let mut is_kept = vec![false; cells];
+        cell_source.iter().for_each(|&cell| is_kept[cell as usize] = true);
+        let mut vertex_of_point = vec![NONE; points];
+        for (vertex, &point) in (0..).zip(vertex_source) {
+            vertex_of_point[point as usize] = vertex;
+        }
+        let first = cells - self.solids.len();
+        for (cell, (shape, corners)) in (first..).zip(self.solids.iter()).filter(|(cell, _)| is_kept[*cell]) {
+            // A point that no tetrahedron has need not exist.
+            let vertex = |&point: &u32| vertex_of_point.get(point as usize).copied().unwrap_or(NONE);
+            let vertices = || corners.iter().map(vertex);
+            if vertices().all(|vertex| vertex != NONE) {
+                kept.source.push(cell as u32);
+                kept.solids.push(shape, vertices());
+            }
+        }
+        kept
+    }
+
     /// Replaces indices of tetrahedra by those of their cells.
     pub(super) fn to_cells(&self, tets: &mut [u32]) {
         if let Some(cells) = &self.cell_of_tet {
@@ -186,7 +249,7 @@ impl Split {
 pub fn split(cells: Cells) -> Split {
     let Cells { mut tets, solids } = cells;
     if solids.is_empty() {
-        return Split { tets, cell_of_tet: None };
+        return Split { tets, cell_of_tet: None, solids };
     }
     let mut cell_of_tet: Vec<u32> = (0..tets.len() as u32).collect();
     let first = cell_of_tet.len() as u32;
@@ -198,7 +261,7 @@ pub fn split(cells: Cells) -> Split {
         }
         cell_of_tet.resize(tets.len(), cell);
     }
-    Split { tets, cell_of_tet: Some(cell_of_tet) }
+    Split { tets, cell_of_tet: Some(cell_of_tet), solids }
 }
 
 /// Adds the tetrahedra of a cell, those without a vertex named twice.
@@ -238,7 +301,8 @@ mod tests {
 
     /// Three cells of two, one and three tetrahedra.
     fn synthetic() -> Split {
-        Split { tets: (0..6).map(|i| [i, i + 1, i + 2, i + 3]).collect(), cell_of_tet: Some(vec![0, 0, 1, 2, 2, 2]) }
+        let tets = (0..6).map(|i| [i, i + 1, i + 2, i + 3]).collect();
+        Split { tets, cell_of_tet: Some(vec![0, 0, 1, 2, 2, 2]), solids: Solids::default() }
     }
 
     #[test]
@@ -247,7 +311,7 @@ mod tests {
         let cells = Cells::from(tets.clone());
         assert_eq!((cells.len(), cells.is_empty(), Cells::default().is_empty()), (2, false, true));
         let split = split(cells);
-        assert_eq!(split, Split { tets: tets.clone(), cell_of_tet: None });
+        assert_eq!(split, Split { tets: tets.clone(), cell_of_tet: None, solids: Solids::default() });
         assert_eq!((split.of_cell(1), split.of_cell(2)), (&tets[1..], &[][..]));
     }
 

@@ -485,7 +485,11 @@ fn cells_of_a_mesh_are_numbered_as_the_cells_that_they_are_a_part_of() {
     let cube = kuhn_grid([2, 1, 1]);
     // Two cubes of six tetrahedra each, and the tetrahedra as cells of their own.
     let cell_of_tet: Vec<u32> = (0..12).map(|tet| tet / 6).collect();
-    let split = super::Split { tets: cube.cells.tets.clone(), cell_of_tet: Some(cell_of_tet) };
+    let split = super::Split {
+        tets: cube.cells.tets.clone(),
+        cell_of_tet: Some(cell_of_tet),
+        ..super::split(Vec::new().into())
+    };
     let (mesh, report) = Mesh::build_split(cube.points.clone(), split).unwrap();
     let (alone, of_alone) = Mesh::build(cube).unwrap();
     let expected = super::RepairReport { cells_in: 2, split_cells: 2, ..of_alone };

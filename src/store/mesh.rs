@@ -3,6 +3,7 @@
 use super::array::{StoredArray, write_metadata};
 use super::folder::{Folder, FolderSink};
 use super::layout::{self, DERIVED_ATTRIBUTE, DERIVED_VERSION, MESH, MeshAttributes};
+use super::split_cells;
 use crate::codec::{ArraySpec, ChunkSink, Chunking, Element, ElementType, ReadRange, chunk_key, to_bytes};
 use crate::error::{FileError, FileResult};
 use crate::mesh::{Mesh, MeshError, Positions, RepairReport, Topology};
@@ -86,7 +87,7 @@ pub(super) fn write(root: &Path, mesh: &Mesh, report: &RepairReport) -> FileResu
         let turned: Vec<u8> = mesh.cell_turned.iter().map(|&turned| turned.into()).collect();
         to.write(TURNED, column(&turned), ["cell", ""], Map::new())?;
     }
-    Ok(to.sink.bytes)
+    Ok(to.sink.bytes + split_cells::write(root, &mesh.split_cells)?)
 }
 
 /// The mesh of a store whose metadata has been checked.
@@ -125,7 +126,8 @@ impl StoredMesh {
         let vertex_source = read("vertex_permutation", self.vertices)?;
         let cell_source = read("cell_permutation", self.cells)?;
         let cell_turned = self.read_turned(root, source)?;
-        Ok(Mesh { topology, positions, vertex_source, cell_source, cell_turned })
+        let split_cells = split_cells::read(root, source, self.vertices)?;
+        Ok(Mesh { topology, positions, vertex_source, cell_source, cell_turned, split_cells })
     }
 
     /// The cells whose orientation the import reversed: none if there is no such array.

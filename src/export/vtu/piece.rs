@@ -3,22 +3,11 @@
 use crate::error::FileResult;
 use crate::export::appended::{Appended, Values};
 use crate::field::Association;
-use crate::mesh::{RawMesh, SolidShape};
+use crate::mesh::RawMesh;
 use std::path::Path;
 
 /// VTK's cell type of a tetrahedron.
 const VTK_TETRA: u8 = 10;
-
-/// VTK's cell type of a shape.
-fn vtk_type(shape: SolidShape) -> u8 {
-    match shape {
-        SolidShape::Hexahedron => 12,
-        SolidShape::Wedge => 13,
-        SolidShape::Pyramid => 14,
-        SolidShape::PentagonalPrism => 15,
-        SolidShape::HexagonalPrism => 16,
-    }
-}
 
 /// Writes one step to `path`; returns the size of the file. Each component of a field has one value per point or cell.
 pub(super) fn write(path: &Path, mesh: &RawMesh, time: f64, fields: &[Values]) -> FileResult<u64> {
@@ -39,7 +28,7 @@ pub(super) fn write(path: &Path, mesh: &RawMesh, time: f64, fields: &[Values]) -
         Some(end.to_le_bytes())
     });
     file.array("Int64", "offsets", (1, cells.len()), offsets);
-    let of_solids = cells.solids.iter().map(|(shape, _)| vtk_type(shape));
+    let of_solids = cells.solids.iter().map(|(shape, _)| shape.vtk_type());
     let types = std::iter::repeat_n(VTK_TETRA, cells.tets.len()).chain(of_solids);
     file.array("UInt8", "types", (1, cells.len()), types.map(|number| [number]));
     file.text += "</Cells>\n</Piece>\n";

@@ -5,10 +5,13 @@ use glam::DVec3;
 use std::collections::HashMap;
 use std::fs;
 use tempfile::TempDir;
+use tetreel::export::StoredSeries;
 use tetreel::export::vtu::{VtuOptions, write_collection};
 use tetreel::field::{Component, SeriesSource};
 use tetreel::import;
+use tetreel::ingest::{IngestOptions, ingest};
 use tetreel::mesh::{Mesh, RepairReport, tet_volume};
+use tetreel::store::Store;
 use tetreel::task::{Cancel, Silent};
 
 /// Area of a polygon in a plane of constant z.
@@ -226,4 +229,58 @@ fn grids_of_all_shapes_are_written_as_they_were_read() {
     assert_eq!(again.mesh().unwrap(), source.mesh().unwrap());
     let (mesh, _) = Mesh::build(again.mesh().unwrap()).unwrap();
     assert!((volume_of(&mesh) / volume - 1.0).abs() < 1e-12);
+}
+
+/// A store of a grid in a folder.
+fn stored(grid: &Grid, folder: &TempDir) -> Store {
+    let path = folder.path().join("s.zarr");
+    ingest(open(grid).1.as_ref(), &path, &IngestOptions::default(), &Silent, &Cancel::new()).expect("an import");
+    Store::open(path).expect("a store")
+}
+
+#[test]
+fn a_store_gives_the_cells_of_its_source_back_not_their_tetrahedra() {
+    for seed in [0, 7, 31] {
+        let grid = shuffled(&block().0, seed);
+        let folder = tempfile::tempdir().expect("a folder");
+        let store = stored(&grid, &folder);
+        let mesh = store.mesh().expect("a mesh");
+        mesh.check().expect("a sound mesh");
+        assert_eq!((mesh.split_cells.solids.len(), mesh.topology.tets.len()), (6, 6 + 6 + 3 + 2 + 1 + 14 + 20));
+        let back = StoredSeries::new(&store, &[]).expect("a source");
+        assert_eq!(back.mesh().expect("a mesh"), open(&grid).1.mesh().expect("a mesh"));
+    }
+}
+
+#[test]
+fn cells_that_the_import_drops_do_not_come_back() {
+    let (mut grid, _) = block();
+    // A hexahedron without a volume.
+    grid.cells.push((12, vec![0, 0, 0, 0, 1, 1, 1, 1]));
+    grid.cell_arrays.clear();
+    let folder = tempfile::tempdir().expect("a folder");
+    let store = stored(&grid, &folder);
+    let back = StoredSeries::new(&store, &[]).expect("a source").mesh().expect("a mesh");
+    assert_eq!((back.cells.tets.len(), back.cells.solids.len()), (1, 6));
+}
+
+#[test]
+fn damaged_lists_of_split_cells_are_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let store = stored(&block().0, &folder);
+    for name in ["types", "vertices", "sources"] {
+        let chunk = store.path().join("mesh/0/split_cells").join(name).join("c/0");
+        let good = fs::read(&chunk).expect("a chunk");
+        // A cell of no known type, a vertex beyond the mesh, cells out of order; each with its right checksum.
+        let mut bad = good[..good.len() - 4].to_vec();
+        bad[..1].fill(250);
+        bad.extend(crc32c::crc32c(&bad).to_le_bytes());
+        fs::write(&chunk, bad).expect("is written");
+        let error = store.mesh().expect_err("is damaged").to_string();
+        assert!(error.contains(name) && error.contains("import the series again"), "{name}: {error}");
+        fs::write(&chunk, &good[..good.len() - 5]).expect("is written");
+        assert!(store.mesh().expect_err("is cut").to_string().contains(name));
+        fs::write(&chunk, good).expect("is written");
+    }
+    assert!(store.mesh().is_ok());
 }

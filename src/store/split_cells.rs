@@ -1,0 +1,69 @@
+//! The source's cells of which several tetrahedra were made, for export and probe.
+
+use super::array::StoredArray;
+use super::layout::{self, MESH};
+use super::mesh::{ArrayWriter, column};
+use crate::codec::{Chunking, ElementType, ReadRange};
+use crate::error::{FileError, FileResult};
+use crate::mesh::{SolidShape, SplitCells};
+use serde_json::Map;
+use std::path::Path;
+
+/// Group of the mesh that has them, absent if there are none: VTK's number of each cell's shape, its vertices in VTK's order, and its index
+/// in the source.
+const GROUP: &str = "split_cells";
+const TYPES: &str = "types";
+const VERTICES: &str = "vertices";
+const SOURCES: &str = "sources";
+
+/// Writes the split cells of a mesh; returns the bytes of their chunks.
+pub(super) fn write(root: &Path, cells: &SplitCells) -> FileResult<u64> {
+    if cells.source.is_empty() {
+        return Ok(0);
+    }
+    let group = format!("{MESH}/{GROUP}");
+    layout::write_group(root, &group, &Map::new())?;
+    let types: Vec<u8> = cells.solids.shapes().iter().map(|shape| shape.vtk_type()).collect();
+    let mut to = ArrayWriter::new(root, &group);
+    to.write(TYPES, column(&types), ["cell", ""], Map::new())?;
+    to.write(VERTICES, column(cells.solids.corners()), ["corner", ""], Map::new())?;
+    to.write(SOURCES, column(&cells.source), ["cell", ""], Map::new())?;
+    Ok(to.sink.bytes)
+}
+
+/// Reads the split cells of a mesh with this number of vertices: none if the mesh has none, or an older version wrote the store.
+pub(super) fn read(root: &Path, source: &dyn ReadRange, vertices: u64) -> FileResult<SplitCells> {
+    if !root.join(MESH).join(GROUP).exists() {
+        return Ok(SplitCells::default());
+    }
+    let open =
+        |name: &str, element| StoredArray::open(root, &format!("{MESH}/{GROUP}/{name}"), element, Chunking::Whole, 1);
+    let types = open(TYPES, ElementType::U8)?.read::<u8, 1>(source)?.into_flattened();
+    let corners = open(VERTICES, ElementType::U32)?.read::<u32, 1>(source)?.into_flattened();
+    let sources = open(SOURCES, ElementType::U32)?.expect_shape(&[types.len() as u64])?;
+    let mut cells = SplitCells { source: sources.read::<u32, 1>(source)?.into_flattened(), ..SplitCells::default() };
+    let invalid = |name: &str, problem: String| {
+        FileError::invalid(root.join(MESH).join(GROUP).join(name), "array", problem).remedy("import the series again")
+    };
+    if !cells.source.is_sorted_by(|a, b| a < b) {
+        return Err(invalid(SOURCES, "cells of the source are not in order".to_owned()));
+    }
+    if let Some(beyond) = corners.iter().find(|&&vertex| u64::from(vertex) >= vertices) {
+        return Err(invalid(VERTICES, format!("has vertex {beyond}, but the mesh has {vertices}")));
+    }
+    let mut rest = corners.as_slice();
+    for (cell, &number) in types.iter().enumerate() {
+        let shape = SolidShape::ALL.into_iter().find(|shape| shape.vtk_type() == number);
+        let shape =
+            shape.ok_or_else(|| invalid(TYPES, format!("cell {cell} is of type {number}, which is not known")))?;
+        let (of_cell, after) = rest
+            .split_at_checked(shape.corners())
+            .ok_or_else(|| invalid(VERTICES, format!("ends in split cell {cell} of {}", types.len())))?;
+        cells.solids.push(shape, of_cell.iter().copied());
+        rest = after;
+    }
+    if rest.is_empty() {
+        return Ok(cells);
+    }
+    Err(invalid(VERTICES, format!("has {} vertices more than its cells", rest.len())))
+}
