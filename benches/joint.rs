@@ -79,13 +79,13 @@ fn with_joint_table(job: &RenderJob, rows: usize, layers: usize) -> Result<Rende
         }
     }
     let table = JointTable::new(nodes.iter().map(|n| n.scalar).collect(), row_places, layer_places, values)?;
-    let vertex_values = job.mesh.positions.local.iter().map(|p| 0.5 + 0.5 * p.y).collect();
+    let row_values: Vec<f32> = job.mesh.positions.local.iter().map(|p| 0.5 + 0.5 * p.y).collect();
     let lot = |cell: usize| (cell.wrapping_mul(2_654_435_761) >> 8 & 0xffff) as f32 / 65_536.0;
     let cell_values = (0..job.mesh.topology.tets.len()).map(lot).collect();
     let projection = table.projection().clone();
     let scene = JointScene {
         table: Arc::new(table),
-        vertex_values: Some(Arc::new(vertex_values)),
+        row_values: Some(Arc::new(row_values).into()),
         cell_values: Some(Arc::new(cell_values)),
     };
     Ok(RenderJob { table: projection, joint: Some(scene), ..job.clone() })

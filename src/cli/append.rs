@@ -106,7 +106,8 @@ impl Job<'_> {
         } else {
             let (fields, units) = (self.args.fields.to_vec(), self.args.units.to_vec());
             let codec = self.codec.clone().unwrap_or_default();
-            let options = IngestOptions { fields, units, steps, codec, overwrite: false };
+            let cells_to_points = self.args.cells_to_points;
+            let options = IngestOptions { fields, units, steps, codec, cells_to_points, overwrite: false };
             let created = ingest(&*series, self.output, &options, terminal, &terminal.cancel);
             match created {
                 // Another process has created the store.
@@ -122,7 +123,8 @@ impl Job<'_> {
 
     fn append_options(&self, steps: StepRange) -> AppendOptions {
         let (fields, units) = (self.args.fields.to_vec(), self.args.units.to_vec());
-        AppendOptions { fields, units, steps, codec: self.codec.clone() }
+        let cells_to_points = self.args.cells_to_points;
+        AppendOptions { fields, units, steps, codec: self.codec.clone(), cells_to_points }
     }
 
     fn print(&self, done: &Done) -> anyhow::Result<()> {

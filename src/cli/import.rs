@@ -56,6 +56,10 @@ pub(super) struct Args {
     /// Let vq err relative to each vertex's own variation, for values over many orders of magnitude
     #[arg(long)]
     relative: bool,
+    /// Bring values of cells to the vertices, for isosurfaces and smooth pictures: the mean of the cells around each, weighted by
+    /// their volumes; without it they stay constant in their cells
+    #[arg(long)]
+    pub(super) cells_to_points: bool,
     /// Read the mesh and say what would be imported; write nothing
     #[arg(long)]
     dry_run: bool,
@@ -92,7 +96,8 @@ fn import(args: &Args, codec: CodecChoice, terminal: &Terminal) -> anyhow::Resul
     let series = import::open_many(&args.sources)?;
     let (fields, units) = (args.fields.clone(), args.units.clone());
     let steps = steps::within_series(args.steps, series.times().len(), terminal);
-    let options = IngestOptions { fields, units, steps, overwrite: args.overwrite, codec };
+    let (overwrite, cells_to_points) = (args.overwrite, args.cells_to_points);
+    let options = IngestOptions { fields, units, steps, overwrite, codec, cells_to_points };
     let (false, Some(output)) = (args.dry_run, &args.output) else {
         check_fields(&*series, &options)?;
         let plan = Plan::of(&*series, args, steps)?;

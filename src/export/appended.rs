@@ -84,7 +84,24 @@ impl<'a> Appended<'a> {
         tuples: usize,
         path: &Path,
     ) -> FileResult<()> {
+        self.open(tag);
+        self.fields_within(tag, of, fields, tuples, path)
+    }
+
+    /// Begins an element of the head.
+    pub fn open(&mut self, tag: &str) {
         self.text += &format!("<{tag}>\n");
+    }
+
+    /// As [`Self::fields`], in an element that has begun, which ends with them.
+    pub fn fields_within(
+        &mut self,
+        tag: &str,
+        of: Association,
+        fields: &'a [Values],
+        tuples: usize,
+        path: &Path,
+    ) -> FileResult<()> {
         for field in fields.iter().filter(|f| f.info.association == of) {
             let name = xml::attribute(&field.info.name).ok_or_else(|| {
                 let place = format!("field '{}'", field.info.name.escape_debug());

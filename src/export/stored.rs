@@ -11,15 +11,16 @@ use crate::mesh::{Cells, Mesh, RawMesh, Solids};
 use crate::store::{FieldReader, Store, StoredField};
 use std::sync::{Mutex, PoisonError};
 
-/// Fields of a store, per vertex, as a [`SeriesSource`].
+/// Fields of a store as a [`SeriesSource`].
 pub struct StoredSeries<'a> {
     store: &'a Store,
     mesh: RawMesh,
     fields: Vec<FieldInfo>,
     /// Readers of each field's components.
     readers: Vec<Vec<FieldReader>>,
-    /// The store's vertex of each point of `mesh`.
+    /// The store's vertex of each point of `mesh`, and its first cell of each cell.
     vertices: Vec<u32>,
+    cells: Vec<u32>,
     /// Values of a step in store order.
     buffer: Mutex<Vec<f32>>,
 }
@@ -48,13 +49,24 @@ impl<'a> StoredSeries<'a> {
         };
         let tets: Vec<_> = cells.iter().map(tet).collect();
         let mut solids = Solids::default();
-        for (shape, corners) in split_cells.solids.iter() {
+        let by_source = order_of(&cell_source);
+        for ((shape, corners), source) in split_cells.solids.iter().zip(&split_cells.source) {
             solids.push(shape, corners.iter().map(|&v| ranks[v as usize]));
+            let first = by_source.partition_point(|&cell| cell_source[cell as usize] < *source);
+            cells.extend(by_source.get(first));
         }
         let chosen = chosen(store, selectors)?.into_iter();
         let (fields, readers) = chosen.map(|Group { info, components }| (info, components)).unzip();
-        let buffer = Mutex::new(vec![0.0; vertices.len()]);
-        Ok(Self { store, mesh: RawMesh { points, cells: Cells { tets, solids } }, fields, readers, vertices, buffer })
+        let buffer = Mutex::new(Vec::new());
+        Ok(Self {
+            store,
+            mesh: RawMesh { points, cells: Cells { tets, solids } },
+            fields,
+            readers,
+            vertices,
+            cells,
+            buffer,
+        })
     }
 }
 
@@ -88,8 +100,10 @@ pub(super) fn chosen(store: &Store, selectors: &[FieldSelector]) -> FileResult<V
         store.field(&whole)
     };
     let group = |(name, components): (String, Vec<String>)| {
-        let info = FieldInfo { name, components: components.len(), association: Association::Point };
-        Ok(Group { info, components: components.iter().map(reader).collect::<FileResult<_>>()? })
+        let readers: Vec<FieldReader> = components.iter().map(reader).collect::<FileResult<_>>()?;
+        let association = readers.first().map_or(Association::Point, |reader| reader.info().values_of);
+        let info = FieldInfo { name, components: components.len(), association };
+        Ok(Group { info, components: readers })
     };
     names.into_iter().map(group).collect()
 }
@@ -150,9 +164,14 @@ impl SeriesSource for StoredSeries<'_> {
         let readers = self.fields.iter().position(|f| f == field).map(|i| &self.readers[i]);
         let reader = readers.and_then(|readers| readers.get(index)).ok_or_else(missing)?;
         let mut values = self.buffer.lock().unwrap_or_else(PoisonError::into_inner);
+        values.resize(reader.value_count(), 0.0);
         reader.decode_step(step, &mut values)?;
         out.clear();
-        out.extend(self.vertices.iter().map(|&vertex| values[vertex as usize]));
+        let places = match field.association {
+            Association::Point => &self.vertices,
+            Association::Cell => &self.cells,
+        };
+        out.extend(places.iter().map(|&place| values[place as usize]));
         Ok(())
     }
 }

@@ -1,7 +1,10 @@
 //! Fields over time: the time axis, field descriptions, and the source of an uncompressed series.
 
+mod scalars;
+
 use crate::error::FileResult;
 use crate::mesh::RawMesh;
+pub use scalars::Scalars;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -25,14 +28,13 @@ impl TimeAxis {
     }
 }
 
-/// Whether a field has values per vertex or per cell.
+/// Whether vertices or cells have the values of a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Association {
     /// One value per vertex.
     Point,
-    /// One value per cell; made per-vertex at import by the mean over the cells around a vertex, as ParaView's
-    /// *Cell Data to Point Data* does.
+    /// One value per cell, constant in it.
     Cell,
 }
 

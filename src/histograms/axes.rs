@@ -3,11 +3,11 @@
 use super::StepView;
 use crate::moments::AxisScale;
 
-/// Whether values belong to vertices or cells.
+/// What has the values of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
-    /// One value for each vertex.
-    Vertices,
+    /// One value for each scalar, of vertices or of cells.
+    Scalars,
     /// One value for each cell.
     Cells,
 }
@@ -20,10 +20,10 @@ pub trait Axis: Send + Sync {
     /// Unit of the values, given the scalar's unit `scalar`; empty without a unit.
     fn unit(&self, scalar: &str) -> String;
 
-    /// Whether the values belong to vertices or cells.
+    /// What has the values.
     fn place(&self) -> Place;
 
-    /// The value of vertex or cell `index`; NaN if it has none.
+    /// The value of scalar or cell `index`; NaN if it has none.
     fn value(&self, step: &StepView<'_>, index: usize) -> f32;
 
     /// How the axis is divided.
@@ -55,7 +55,7 @@ pub trait Axis: Send + Sync {
     }
 }
 
-/// The scalar of a vertex.
+/// The scalar of a vertex or cell.
 #[derive(Clone, Copy, Debug)]
 pub struct Scalar;
 
@@ -69,7 +69,7 @@ impl Axis for Scalar {
     }
 
     fn place(&self) -> Place {
-        Place::Vertices
+        Place::Scalars
     }
 
     fn value(&self, step: &StepView<'_>, index: usize) -> f32 {
@@ -81,7 +81,8 @@ impl Axis for Scalar {
     }
 }
 
-/// The magnitude of the gradient of a cell ([`Mesh::gradient_magnitude`](crate::mesh::Mesh::gradient_magnitude)).
+/// The magnitude of the gradient of a cell ([`Mesh::gradient_magnitude`](crate::mesh::Mesh::gradient_magnitude)); of scalars of cells that of
+/// their means at the vertices.
 #[derive(Clone, Copy, Debug)]
 pub struct GradientMagnitude;
 
@@ -100,7 +101,7 @@ impl Axis for GradientMagnitude {
     }
 
     fn value(&self, step: &StepView<'_>, index: usize) -> f32 {
-        step.mesh.gradient_magnitude(index, step.scalars)
+        step.mesh.gradient_magnitude(index, step.at_vertices)
     }
 
     fn scale(&self) -> AxisScale {
@@ -108,7 +109,7 @@ impl Axis for GradientMagnitude {
     }
 }
 
-/// The coefficient of variation of a vertex over time.
+/// The coefficient of variation of a scalar over time.
 #[derive(Clone, Copy, Debug)]
 pub struct CoefficientOfVariation;
 
@@ -122,7 +123,7 @@ impl Axis for CoefficientOfVariation {
     }
 
     fn place(&self) -> Place {
-        Place::Vertices
+        Place::Scalars
     }
 
     fn value(&self, step: &StepView<'_>, index: usize) -> f32 {

@@ -7,6 +7,8 @@
 //! | `cov` | a vertex | its coefficient of variation over time |
 //! | `scalar_cov` | a vertex at a step | its scalar; its coefficient of variation over time |
 //!
+//! A field of cells has cells in place of vertices; its gradients are those of its means at the vertices.
+//!
 //! 256 bins along x, 64 along y. The scalar's bins are of equal width over the range of the series. Gradient magnitudes and coefficients of
 //! variation are often 0 and span decades: in Utah's torso 99 % of all gradients are in the first of 64 equal bins, 68 % in that of 64 of
 //! equal roots, 9 % in the fullest of four bins an octave, which they therefore use ([`AxisScale::Octaves`]); their last edge is the same
@@ -23,6 +25,7 @@ mod tests;
 pub use axes::{Axis, CoefficientOfVariation, GradientMagnitude, Place, Scalar};
 pub use series::of_series;
 
+use crate::field::Association;
 use crate::mesh::Mesh;
 use crate::moments::{AxisScale, Bins, Histogram1d, Histogram2d, StepSummary};
 use rayon::prelude::*;
@@ -38,16 +41,20 @@ const LEAST_SAMPLES: usize = 1 << 16;
 pub struct StepView<'a> {
     /// The mesh.
     pub mesh: &'a Mesh,
-    /// The scalar of each vertex at the step.
+    /// What has the scalars.
+    pub values_of: Association,
+    /// The scalar of each vertex or cell at the step.
     pub scalars: &'a [f32],
-    /// The coefficient of variation of each vertex over all steps, with the usual denominator.
+    /// The scalars at the vertices: those of cells are averaged.
+    pub at_vertices: &'a [f32],
+    /// The coefficient of variation of each scalar over all steps, with the usual denominator.
     pub cov: &'a [f32],
 }
 
 impl StepView<'_> {
     fn count(&self, place: Place) -> usize {
         match place {
-            Place::Vertices => self.scalars.len(),
+            Place::Scalars => self.scalars.len(),
             Place::Cells => self.mesh.topology.tets.len(),
         }
     }
@@ -93,9 +100,9 @@ impl<'a> Kind<'a> {
         std::iter::once(self.x).chain(self.y)
     }
 
-    /// Whether samples belong to vertices or cells: cells if an axis has its values there. Vertex values are then averaged over each cell.
+    /// What has the samples: cells if an axis has its values there. Values of vertices are then averaged over each cell.
     pub fn place(&self) -> Place {
-        if self.axes().any(|axis| axis.place() == Place::Cells) { Place::Cells } else { Place::Vertices }
+        if self.axes().any(|axis| axis.place() == Place::Cells) { Place::Cells } else { Place::Scalars }
     }
 
     /// Whether samples differ from step to step. Otherwise a series counts them once.
@@ -138,7 +145,7 @@ impl<'a> Kind<'a> {
     /// any number of threads.
     ///
     /// # Panics
-    /// If `histogram` is of another kind, or the step does not have one scalar and coefficient of variation per vertex.
+    /// If `histogram` is of another kind, or the step does not have one scalar and coefficient of variation per vertex or cell.
     pub fn add(&self, histogram: &mut Histogram, step: &StepView<'_>) {
         let parts = self.parts(histogram, step, false);
         parts.iter().for_each(|part| histogram.merge(part));
@@ -155,8 +162,11 @@ impl<'a> Kind<'a> {
 
     /// The samples of a step in one histogram per task; their sum is the same for any number of tasks.
     fn parts(&self, histogram: &Histogram, step: &StepView<'_>, widens: bool) -> Vec<Histogram> {
-        let vertices = step.mesh.vertex_source.len();
-        assert_eq!([step.scalars.len(), step.cov.len()], [vertices; 2], "one value a vertex");
+        let count = match step.values_of {
+            Association::Point => step.mesh.vertex_source.len(),
+            Association::Cell => step.mesh.topology.tets.len(),
+        };
+        assert_eq!([step.scalars.len(), step.cov.len()], [count; 2], "one value a vertex or cell");
         let count = step.count(self.place());
         let parts = (count / LEAST_SAMPLES).clamp(1, rayon::current_num_threads());
         let chunks = count.div_ceil(CHUNK);
@@ -204,7 +214,7 @@ impl<'a> Kind<'a> {
         let count = step.count(place).saturating_sub(first).min(out.len());
         let out = &mut out[..count];
         match (place, axis.place()) {
-            (Place::Cells, Place::Vertices) => axis.fill_means(step, first, out),
+            (Place::Cells, Place::Scalars) if step.values_of == Association::Point => axis.fill_means(step, first, out),
             _ => axis.fill(step, first, out),
         }
         out

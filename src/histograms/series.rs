@@ -4,32 +4,39 @@
 //! losing counts; for kinds with another linear axis steps are read twice, for ranges and to count.
 
 use super::{Axis, Histogram, Kind, Ranges, StepView};
+use crate::field::Association;
 use crate::mesh::Mesh;
 use crate::moments::{AxisScale, StepSummary};
 
 /// The histograms of `kinds` over `steps` steps. `read` loads the scalars of a step, or returns `false` if cancelled: then there is no
-/// result. `scalar_range` is the range of the series, `cov` has the coefficients of variation of the vertices.
+/// result. `cov` has the coefficients of variation of the scalars; `values_of` and `scalar_range` say
+/// what has these, and their range.
 ///
 /// # Errors
 /// The error of `read`.
 ///
 /// # Panics
-/// If there is not one coefficient of variation per vertex.
+/// If there is not one coefficient of variation per vertex or cell.
 pub fn of_series<E>(
     kinds: &[Kind<'_>],
     mesh: &Mesh,
     cov: &[f32],
-    scalar_range: Option<[f32; 2]>,
+    (values_of, scalar_range): (Association, Option<[f32; 2]>),
     steps: usize,
     mut read: impl FnMut(usize, &mut [f32]) -> Result<bool, E>,
 ) -> Result<Option<Vec<Histogram>>, E> {
-    let mut scalars = vec![0.0; mesh.vertex_source.len()];
+    let mut scalars = vec![0.0; cov.len()];
     let mut first_steps = |steps: usize, visit: &mut dyn FnMut(usize, &StepView<'_>)| {
         for step in 0..steps {
             if !read(step, &mut scalars)? {
                 return Ok(false);
             }
-            visit(step, &StepView { mesh, scalars: &scalars, cov });
+            let means = match values_of {
+                Association::Point => None,
+                Association::Cell => Some(mesh.means_at_vertices(&scalars)),
+            };
+            let at_vertices = means.as_deref().unwrap_or(&scalars);
+            visit(step, &StepView { mesh, values_of, scalars: &scalars, at_vertices, cov });
         }
         Ok(true)
     };

@@ -1,6 +1,7 @@
 //! Histograms of series against counting one sample after the other, and invariants.
 
 use super::*;
+use crate::field::Association;
 use crate::mesh::RawMesh;
 use crate::mesh::test_meshes::{Random, jittered, kuhn_grid};
 use crate::moments::{AxisScale, CovDenominator, Moments};
@@ -38,7 +39,8 @@ impl Steps {
     }
 
     fn view(&self, step: usize) -> StepView<'_> {
-        StepView { mesh: &self.mesh, scalars: &self.scalars[step], cov: &self.cov }
+        let scalars = &self.scalars[step];
+        StepView { mesh: &self.mesh, values_of: Association::Point, scalars, at_vertices: scalars, cov: &self.cov }
     }
 
     fn count(&self, kinds: &[Kind<'_>]) -> Vec<Histogram> {
@@ -46,7 +48,9 @@ impl Steps {
             out.copy_from_slice(&self.scalars[step]);
             Ok::<_, Infallible>(true)
         };
-        of_series(kinds, &self.mesh, &self.cov, self.range, self.scalars.len(), read).unwrap().unwrap()
+        of_series(kinds, &self.mesh, &self.cov, (Association::Point, self.range), self.scalars.len(), read)
+            .unwrap()
+            .unwrap()
     }
 }
 
@@ -207,7 +211,7 @@ fn who_asks_to_stop_gets_none_and_an_error_is_passed_on() {
     let series = Steps::noise(2, 3);
     let run = |stop_after: usize, fails: bool| {
         let mut reads = 0;
-        of_series(&Kind::ALL, &series.mesh, &series.cov, series.range, 3, |_, _| {
+        of_series(&Kind::ALL, &series.mesh, &series.cov, (Association::Point, series.range), 3, |_, _| {
             reads += 1;
             if reads > stop_after && fails { Err("damaged") } else { Ok(reads <= stop_after) }
         })
@@ -232,7 +236,7 @@ impl Axis for Height {
     }
 
     fn place(&self) -> Place {
-        Place::Vertices
+        Place::Scalars
     }
 
     fn value(&self, step: &StepView<'_>, index: usize) -> f32 {

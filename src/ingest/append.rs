@@ -7,17 +7,17 @@
 //!
 //! [`Moments::resume`]: crate::moments::Moments::resume
 
-use super::order::VertexOrder;
+use super::order::ValueOrder;
 use super::pass::{Pass, Target};
-use super::plan::{self, PlannedField};
+use super::plan::{self, Means, PlannedField};
 use super::report::IngestError;
 use super::stream::Job;
 use super::{CodecChoice, FieldUnits, StepRange, check_cancel, same_mesh, select_steps};
 use crate::codec::Quality;
 use crate::error::{FileError, FileResult};
-use crate::field::{Component, FieldSelector, SeriesSource, TimeAxis};
+use crate::field::{Association, Component, FieldSelector, SeriesSource, TimeAxis};
 use crate::short::Short;
-use crate::store::{ResumedField, Store, StoreLock, StoreWriter, StoredField, range_text};
+use crate::store::{MeanWeights, ResumedField, Store, StoreLock, StoreWriter, StoredField, range_text};
 use crate::task::{Cancel, Progress};
 use serde::Serialize;
 use std::fmt;
@@ -38,6 +38,8 @@ pub struct AppendOptions {
     pub steps: StepRange,
     /// The codec that the store must have.
     pub codec: Option<CodecChoice>,
+    /// Whether the store must have brought values of cells to the vertices.
+    pub cells_to_points: bool,
 }
 
 /// What an append would do.
@@ -136,7 +138,7 @@ pub fn append(
 
     let (mut writer, resumed) = StoreWriter::append(&store)?;
     let targets = targets(&fields, &store, resumed)?;
-    let (order, _) = VertexOrder::new(mesh, plan::has_cells(&fields));
+    let (order, _) = ValueOrder::new(mesh, &fields);
     let job = Job { source, fields: &fields, steps: &steps, cancel };
     let mut pass = Pass::new(job, order, counts, targets);
     pass.run("append", first, progress)?;
@@ -192,6 +194,31 @@ impl Work {
             steps_coded_again: again.len(),
         };
         Ok(Self { fields, steps: [again, new].concat(), first, plan, store })
+    }
+}
+
+/// A planned field, with its values brought to the vertices as they were at import.
+fn as_stored(field: PlannedField, store: &Store) -> PlannedField {
+    let name = field.outputs.first().map(|output| &output.name);
+    let means = store.fields().iter().find(|of| Some(&of.name) == name).and_then(|of| match of.values_of {
+        Association::Point if of.association == Association::Cell => {
+            Some(of.weights.map_or(Means::Unweighted, |MeanWeights::Volume| Means::ByVolume))
+        }
+        _ => None,
+    });
+    PlannedField { means, ..field }
+}
+
+/// Fails if values of cells are to be brought to the vertices, and those of the store were not.
+fn check_values_of(store: &Store, options: &AppendOptions) -> FileResult<()> {
+    let kept = store.fields().iter().find(|field| field.values_of == Association::Cell);
+    match kept.filter(|_| options.cells_to_points) {
+        None => Ok(()),
+        Some(field) => {
+            let problem = "has values of cells: a store keeps them where they are";
+            let remedy = "leave --cells-to-points out, or import the series again";
+            Err(FileError::invalid(store.path(), format!("field '{}'", field.name), problem).remedy(remedy))
+        }
     }
 }
 
@@ -264,6 +291,8 @@ fn fields_of(source: &dyn SeriesSource, store: &Store, options: &AppendOptions) 
         return Err(invalid(problem));
     }
     let planned = plan(&selectors, &options.units).map_err(invalid)?;
+    let planned: Vec<PlannedField> = planned.into_iter().map(|field| as_stored(field, store)).collect();
+    check_values_of(store, options)?;
     if !is_that_of(&planned, store) {
         let problem =
             format!("are not those of {} (per point or per cell, components): {}", store.path().display(), names());
@@ -314,7 +343,8 @@ fn targets(fields: &[PlannedField], store: &Store, resumed: Vec<ResumedField>) -
         let target = |name: &str| {
             let missing = || FileError::invalid(store.path(), "fields", format!("there is no field '{name}'"));
             let ResumedField { writer, moments, first_step } = take(name).ok_or_else(missing)?;
-            Ok(Target { writer, moments, association: field.info.association, first_step })
+            let (association, values_of) = (field.info.association, field.values_of());
+            Ok(Target { writer, moments, association, values_of, first_step })
         };
         field.outputs.iter().map(|output| output.name.as_str()).map(target).collect()
     };

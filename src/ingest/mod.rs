@@ -25,12 +25,12 @@ pub use options::{FieldUnits, IngestOptions, StepRange, StepRangeError};
 pub use report::{FieldReport, IngestError, IngestReport, StageSeconds};
 
 use crate::error::{FileError, FileResult};
-use crate::field::{SeriesSource, TimeAxis};
+use crate::field::{Association, SeriesSource, TimeAxis};
 use crate::mesh::Mesh;
 use crate::moments::Moments;
-use crate::store::{FieldDescription, FieldWriter, SourcePoints, StoreWriter};
+use crate::store::{FieldDescription, FieldWriter, MeanWeights, SourcePoints, StoreWriter};
 use crate::task::{Cancel, Progress};
-use order::VertexOrder;
+use order::ValueOrder;
 use pass::{Pass, Target};
 use plan::{Output, PlannedField};
 use std::path::Path;
@@ -63,14 +63,14 @@ pub fn ingest(
         Mesh::build(raw).map_err(|error| IngestError::Mesh { source_name: source.describe(), error })?;
     writer.write_mesh(&mesh, &repair)?;
     let cells = mesh.topology.tets.len();
-    let (order, positions) = VertexOrder::new(mesh, plan::has_cells(&fields));
+    let (order, positions) = ValueOrder::new(mesh, &fields);
     writer.write_source_points(&positions, order.vertex_source(), &points)?;
     drop((points, positions));
     writer.write_times(&TimeAxis { values: times })?;
     let mesh_seconds = start.elapsed().as_secs_f64();
 
-    let vertices = order.vertex_source().len();
-    let targets = fields.iter().map(|f| targets(f, vertices, &options.codec, &mut writer)).collect();
+    let [vertices, of_cells] = [Association::Point, Association::Cell].map(|of| order.count(of));
+    let targets = fields.iter().map(|f| targets(f, order.count(f.values_of()), &options.codec, &mut writer)).collect();
     let job = Job { source, fields: &fields, steps: &steps, cancel };
     let mut pass = Pass::new(job, order, counts, targets);
     let read_time = pass.run("import", 0, progress)?;
@@ -78,7 +78,7 @@ pub fn ingest(
     let finish = Instant::now();
     let mut seconds = pass.seconds;
     let values = pass.values_read;
-    let counts = [vertices, cells, steps.len()].map(|n| n as u64);
+    let counts = [vertices, of_cells, cells, steps.len()].map(|n| n as u64);
     let fields = reports(pass.targets, counts, &options.codec)?;
     let notes = source.notes();
     let bytes_written = writer.finish(&source.describe(), notes.clone())?;
@@ -112,8 +112,10 @@ pub fn check_fields(source: &dyn SeriesSource, options: &IngestOptions) -> FileR
 }
 
 fn plan_fields(source: &dyn SeriesSource, options: &IngestOptions) -> FileResult<Vec<PlannedField>> {
-    plan::plan(source.fields(), &options.fields, &options.units)
-        .map_err(|problem| FileError::invalid(source.describe(), "fields", problem))
+    let planned = plan::plan(source.fields(), &options.fields, &options.units)
+        .map_err(|problem| FileError::invalid(source.describe(), "fields", problem))?;
+    let to_points = |field: PlannedField| if options.cells_to_points { field.to_points() } else { field };
+    Ok(planned.into_iter().map(to_points).collect())
 }
 
 fn check_cancel(cancel: &Cancel) -> Result<(), IngestError> {
@@ -138,33 +140,43 @@ fn select_steps(source: &dyn SeriesSource, range: StepRange) -> FileResult<Vec<u
 }
 
 /// Begins the store fields for a field of the source.
-fn targets(field: &PlannedField, vertices: usize, codec: &CodecChoice, writer: &mut StoreWriter) -> Vec<Target> {
+fn targets(field: &PlannedField, count: usize, codec: &CodecChoice, writer: &mut StoreWriter) -> Vec<Target> {
     let association = field.info.association;
     let mut targets: Vec<Target> = Vec::new();
     for Output { name, virtual_, units, .. } in &field.outputs {
-        let description = FieldDescription { name: name.clone(), association, units: units.clone() };
+        let weights = field.means.map(|_| MeanWeights::Volume);
+        let values_of = field.values_of();
+        let description =
+            FieldDescription { name: name.clone(), association, values_of, weights, units: units.clone() };
         let writer = if *virtual_ {
             let components: Vec<&FieldWriter> = targets.iter().map(|t| &t.writer).collect();
             writer.begin_magnitude(description, &components)
         } else {
-            writer.begin_field(description, codec.encoding().encoder(vertices))
+            writer.begin_field(description, codec.encoding().encoder(count))
         };
-        targets.push(Target { writer, moments: Moments::new(vertices), association, first_step: 0 });
+        targets.push(Target { writer, moments: Moments::new(count), association, values_of, first_step: 0 });
     }
     targets
 }
 
-/// Finishes the fields. `counts` are vertices, cells and steps.
-fn reports(targets: Vec<Vec<Target>>, counts: [u64; 3], codec: &CodecChoice) -> FileResult<Vec<FieldReport>> {
+/// Finishes the fields. `counts` are vertices, cells of the source, cells and steps.
+fn reports(
+    targets: Vec<Vec<Target>>,
+    [vertices, of_cells, cells, steps]: [u64; 4],
+    codec: &CodecChoice,
+) -> FileResult<Vec<FieldReport>> {
     let report = |target: Target| {
         let series = target.moments.series();
         let name = target.writer.name().to_owned();
         let written = target.writer.finish(&target.moments)?;
+        let values = if target.values_of == Association::Cell { of_cells } else { vertices };
+        let counts = [values, cells, steps];
         let compressed = |quality| CompressionReport::new(codec.encoding(), counts, written.value_bytes, quality);
         let compression = written.quality.and_then(compressed);
         Ok(FieldReport {
             name,
             association: target.association,
+            values_of: target.values_of,
             range: series.range,
             nonfinite: series.nonfinite,
             bytes: written.bytes,

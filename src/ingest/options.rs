@@ -138,6 +138,8 @@ pub struct IngestOptions {
     pub steps: StepRange,
     /// Codec.
     pub codec: CodecChoice,
+    /// Whether values of cells are brought to the vertices: the mean of the cells around, weighted by their volumes.
+    pub cells_to_points: bool,
     /// Whether an existing store is replaced.
     pub overwrite: bool,
 }

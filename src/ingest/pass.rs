@@ -1,7 +1,7 @@
 //! Processing the steps of a source, from their values to the finished fields.
 
 use super::check_cancel;
-use super::order::VertexOrder;
+use super::order::ValueOrder;
 use super::plan::PlannedField;
 use super::report::{IngestError, StageSeconds};
 use super::stream::{Job, Stream, with_stream};
@@ -20,6 +20,8 @@ pub(super) struct Target {
     /// Statistics so far. Steps that are coded again are not counted again.
     pub(super) moments: Moments,
     pub(super) association: Association,
+    /// What has the values in the store.
+    pub(super) values_of: Association,
     /// The first step that the writer takes.
     pub(super) first_step: usize,
 }
@@ -29,10 +31,10 @@ pub(super) struct Pass<'a> {
     job: Job<'a>,
     /// Number of points and cells in the source.
     counts: [usize; 2],
-    order: VertexOrder,
+    order: ValueOrder,
     /// For each field, one target per output.
     pub(super) targets: Vec<Vec<Target>>,
-    /// Components of the current field in vertex order; as many buffers as the largest field needs.
+    /// Components of the current field in the order of the store; as many buffers as the largest field needs.
     components: Vec<Vec<f32>>,
     magnitude: Vec<f32>,
     pub(super) seconds: StageSeconds,
@@ -40,16 +42,15 @@ pub(super) struct Pass<'a> {
 }
 
 impl<'a> Pass<'a> {
-    pub(super) fn new(job: Job<'a>, order: VertexOrder, counts: [usize; 2], targets: Vec<Vec<Target>>) -> Self {
-        let vertices = order.vertex_source().len();
+    pub(super) fn new(job: Job<'a>, order: ValueOrder, counts: [usize; 2], targets: Vec<Vec<Target>>) -> Self {
         let most = job.fields.iter().map(|f| f.reads.len()).max().unwrap_or(0);
         Self {
             job,
             counts,
             order,
             targets,
-            components: vec![vec![0.0; vertices]; most],
-            magnitude: vec![0.0; vertices],
+            components: vec![Vec::new(); most],
+            magnitude: Vec::new(),
             seconds: StageSeconds::default(),
             values_read: 0,
         }
@@ -87,7 +88,7 @@ impl<'a> Pass<'a> {
         Ok(())
     }
 
-    /// Reorders the values of one component to vertex order.
+    /// Reorders the values of one component to the order of the store.
     fn take_component(
         &mut self,
         field: &PlannedField,
@@ -109,9 +110,11 @@ impl<'a> Pass<'a> {
         self.values_read += values.len() as u64;
         waste(Slow::Import, values.len());
         let out = &mut self.components[slot];
-        match field.info.association {
-            Association::Point => self.order.gather_points(values, out),
-            Association::Cell => self.order.average_cells(values, out),
+        out.resize(self.order.count(field.values_of()), 0.0);
+        match (field.info.association, field.means) {
+            (Association::Point, _) => self.order.gather_points(values, out),
+            (Association::Cell, None) => self.order.gather_cells(values, out),
+            (Association::Cell, Some(means)) => self.order.average_cells(values, means, out),
         }
         Ok(start.elapsed())
     }
@@ -128,6 +131,7 @@ impl<'a> Pass<'a> {
                 Component::Magnitude => {
                     let components: Vec<&[f32]> =
                         self.components[..field.reads.len()].iter().map(Vec::as_slice).collect();
+                    self.magnitude.resize(self.order.count(field.values_of()), 0.0);
                     magnitude(&components, &mut self.magnitude);
                     &self.magnitude
                 }

@@ -26,11 +26,30 @@ pub(super) struct PlannedField {
     pub(super) reads: Vec<usize>,
     /// Fields of the store that it becomes.
     pub(super) outputs: Vec<Output>,
+    /// How its values are brought from cells to vertices; `None` if they stay where they are.
+    pub(super) means: Option<Means>,
 }
 
-/// Whether some fields have values per cell.
-pub(super) fn has_cells(fields: &[PlannedField]) -> bool {
-    fields.iter().any(|field| field.info.association == Association::Cell)
+/// A mean of the cells of the source around a vertex.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Means {
+    /// Each cell counts the same, as in stores of older versions.
+    Unweighted,
+    /// Cells count by their volume.
+    ByVolume,
+}
+
+impl PlannedField {
+    /// What has its values in the store.
+    pub(super) fn values_of(&self) -> Association {
+        if self.means.is_some() { Association::Point } else { self.info.association }
+    }
+
+    /// The field with its values brought to vertices, if cells have them.
+    pub(super) fn to_points(self) -> Self {
+        let means = (self.info.association == Association::Cell).then_some(Means::ByVolume);
+        Self { means, ..self }
+    }
 }
 
 /// Plans the import of `selectors` (all fields if empty). An error is a message for the user.
@@ -82,7 +101,7 @@ pub(super) fn plan(
             output.name = unlike(&mut taken, &output.name);
             output.units = unit_of[field].map(str::to_owned);
         }
-        PlannedField { reads: reads(info.components, &outputs), info, outputs }
+        PlannedField { reads: reads(info.components, &outputs), info, outputs, means: None }
     };
     Ok(order.iter().map(planned).collect())
 }
@@ -160,8 +179,8 @@ fn outputs(name: &str, components: usize, wanted: &[Option<Component>]) -> Vec<O
     outputs
 }
 
-/// The components that the outputs need. A magnitude needs all: that of cell values is the norm of the averaged
-/// components, whether it is computed now or at playback.
+/// The components that the outputs need. A magnitude needs all: that of values brought from cells to vertices is the norm of their means,
+/// whether it is computed now or at playback.
 fn reads(components: usize, outputs: &[Output]) -> Vec<usize> {
     let all = outputs.iter().any(|o| o.component == Component::Magnitude);
     (0..components).filter(|&i| all || outputs.iter().any(|o| o.component == Component::Index(i))).collect()

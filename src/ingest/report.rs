@@ -83,6 +83,8 @@ pub struct FieldReport {
     pub name: String,
     /// Association of the values in the source.
     pub association: Association,
+    /// What has the values in the store.
+    pub values_of: Association,
     /// Least and greatest finite value; `None` if there is none.
     pub range: Option<[f32; 2]>,
     /// Number of NaN and infinite values.
@@ -119,8 +121,10 @@ impl fmt::Display for IngestReport {
         writeln!(f, "steps: {}, time {} to {}", self.steps, Short(self.times[0]), Short(self.times[1]))?;
         for field in &self.fields {
             write!(f, "field {}: {}", field.name, range_text(field.range))?;
-            if field.association == Association::Cell {
-                write!(f, ", averaged from cells to vertices")?;
+            match (field.association, field.values_of) {
+                (Association::Cell, Association::Point) => write!(f, ", averaged from cells to vertices")?,
+                (_, Association::Cell) => write!(f, ", of cells")?,
+                _ => {}
             }
             if field.nonfinite > 0 {
                 write!(f, ", {} values not finite", field.nonfinite)?;

@@ -15,6 +15,7 @@ mod plane;
 mod positions;
 mod repair;
 mod report;
+mod source_cells;
 mod split;
 #[cfg(test)]
 pub(crate) mod test_meshes;
@@ -28,6 +29,7 @@ pub use gradient::{tet_gradient, tet_gradient_magnitude};
 pub use plane::Plane;
 pub use positions::Positions;
 pub use report::RepairReport;
+pub use source_cells::SourceCells;
 pub use split::{Cells, SolidShape, Solids, Split, SplitCells, gather, split};
 pub use topology::{CellNeighbour, FACE_VERTICES, NONE, Topology};
 

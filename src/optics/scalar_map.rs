@@ -43,6 +43,12 @@ impl ScalarMap {
     pub fn apply(self, scalar: f64) -> f64 {
         (scalar * self.prescale - self.offset) * self.scale
     }
+
+    /// The mapped scalar by the steps in f32 of shaders (`view_transform.wgsl`), clamped to stay finite.
+    pub fn seen(self, scalar: f32) -> f32 {
+        let seen = (scalar * self.prescale as f32 - self.offset as f32) * self.scale as f32;
+        seen.clamp(-1e30, 1e30)
+    }
 }
 
 #[cfg(test)]

@@ -107,7 +107,7 @@ mod tests {
     }
 
     fn decoded(series: &Series, step: usize) -> Vec<f32> {
-        let mut out = vec![0.0; series.vertices()];
+        let mut out = vec![0.0; series.scalar_count()];
         assert!(series.decode_step(step, &mut out, &Cancel::new()).unwrap());
         out
     }

@@ -2,7 +2,7 @@
 
 use super::series::Series;
 use crate::error::FileResult;
-use crate::mesh::Mesh;
+use crate::field::Association;
 use crate::moments::Distribution;
 use crate::task::Cancel;
 use crate::transfer::{FirstLook, Lengths, RangePolicy};
@@ -11,11 +11,11 @@ use std::sync::{Arc, PoisonError};
 /// Steps sampled, evenly over the series, the first and the last among them.
 const STEPS: usize = 5;
 
-/// Vertices sampled per step: with this many, a share of 1 % has a relative error of a twentieth.
-const VERTICES: usize = 1 << 16;
+/// Scalars sampled per step: with this many, a share of 1 % has a relative error of a twentieth.
+const SCALARS: usize = 1 << 16;
 
 impl Series {
-    /// The share of the volume per scalar, over at most five steps of the series and 65,536 vertices of each; the same ones in every call.
+    /// The share of the volume per scalar, over at most five steps of the series and 65,536 scalars of each; the same ones in every call.
     /// A vertex has a quarter of each of its cells. `None` if `cancel` was raised.
     ///
     /// # Errors
@@ -23,8 +23,8 @@ impl Series {
     pub fn distribution(&self, cancel: &Cancel) -> FileResult<Option<Arc<Distribution>>> {
         let mut known = self.quantities.distribution.lock().unwrap_or_else(PoisonError::into_inner);
         if known.is_none() {
-            let volumes = vertex_volumes(&self.mesh);
-            let chosen: Vec<usize> = evenly(volumes.len(), VERTICES).collect();
+            let volumes = volumes(self);
+            let chosen: Vec<usize> = evenly(volumes.len(), SCALARS).collect();
             let (mut values, mut samples) = (vec![0.0; volumes.len()], Vec::new());
             let mut problem = None;
             for step in evenly(self.times.len(), STEPS) {
@@ -75,8 +75,12 @@ fn evenly(count: usize, most: usize) -> impl Iterator<Item = usize> {
     (0..chosen).map(move |i| if chosen < 2 { 0 } else { i * (count - 1) / (chosen - 1) })
 }
 
-/// Volume per vertex in local units: a quarter of each of its cells.
-fn vertex_volumes(mesh: &Mesh) -> Vec<f64> {
+/// Volume per scalar in local units: that of a cell, or a quarter of each of a vertex's cells.
+fn volumes(series: &Series) -> Vec<f64> {
+    let mesh = &series.mesh;
+    if series.association() == Association::Cell {
+        return (0..mesh.topology.tets.len() as u32).map(|cell| mesh.cell_volume(cell)).collect();
+    }
     let mut volumes = vec![0.0; mesh.positions.local.len()];
     for (cell, tet) in mesh.topology.tets.iter().enumerate() {
         let volume = 0.25 * mesh.cell_volume(cell as u32);
@@ -93,7 +97,7 @@ mod tests {
     #[test]
     fn it_is_that_of_all_values_of_a_short_series_of_few_vertices() {
         let series = jet();
-        let volumes = vertex_volumes(series.mesh());
+        let volumes = volumes(&series);
         let total: f64 = volumes.iter().sum();
         assert!((total / series.mesh().total_volume() - 1.0).abs() < 1e-12);
         let mut samples = Vec::new();

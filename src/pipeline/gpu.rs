@@ -44,7 +44,7 @@ struct Beyond {
     faces: usize,
     /// Number of values of its joint table.
     joint_values: usize,
-    extras: [bool; 6],
+    extras: [bool; 7],
     error: RenderError,
 }
 
@@ -63,14 +63,16 @@ impl Beyond {
     }
 }
 
-/// Features of a job beside a volume: fragments, surfaces, cuts, light on the volume, colours of other fields, and contrast-adaptive rays.
-fn extras_of(job: &RenderJob) -> [bool; 6] {
+/// Features of a job beside a volume: fragments, surfaces, cuts, light on the volume, colours of other fields, contrast-adaptive rays, and
+/// scalars of cells.
+fn extras_of(job: &RenderJob) -> [bool; 7] {
     let of_scene = |has: fn(&SurfaceScene) -> bool| job.surfaces.as_ref().is_some_and(has);
     let is_cut = of_scene(|scene| !scene.planes().is_empty());
     let is_colored = of_scene(SurfaceScene::has_beside);
     let lights_volume = of_scene(SurfaceScene::lights_volume);
     let has_contrasts = !job.contrasts().is_empty();
-    [job.fragments.is_some(), job.surfaces.is_some(), is_cut, lights_volume, is_colored, has_contrasts]
+    let of_cells = job.scalars.of_cells().is_some();
+    [job.fragments.is_some(), job.surfaces.is_some(), is_cut, lights_volume, is_colored, has_contrasts, of_cells]
 }
 
 fn joint_values_of(job: &RenderJob) -> usize {

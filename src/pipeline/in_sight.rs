@@ -2,6 +2,7 @@
 
 use super::series::Series;
 use super::{PipelineError, TetLayer};
+use crate::field::Scalars;
 use crate::task::Cancel;
 use crate::visibility::{ActiveCells, Activity, CutCells, CutPlanes, Label, PartCells, TransparentIntervals};
 use std::sync::Arc;
@@ -18,7 +19,7 @@ pub(super) struct CellsInSight {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct InSight<'a> {
     pub(super) layer: &'a TetLayer,
-    pub(super) scalars: &'a Arc<Vec<f32>>,
+    pub(super) scalars: &'a Scalars,
     /// Labels of chunks that were not decoded; empty if all were.
     pub(super) known: &'a [Option<Label>],
     /// Scalar intervals where the volume is transparent.

@@ -283,6 +283,11 @@ pub enum RequestError {
     /// An enlarged image needs all rays and cannot be drawn by the reference.
     #[error("an image that is enlarged needs all of its rays, and is drawn by any renderer but the reference; {0}")]
     Upsampling(String),
+    /// Isosurfaces of a field of cells.
+    #[error(
+        "'{0}' has values of cells, constant in each, and so no isosurfaces; import the series with --cells-to-points, or leave them out"
+    )]
+    IsosurfacesOfCells(String),
     /// The store has no field of that name beside the one shown.
     #[error("the field beside {0}")]
     NoFieldBeside(String),

@@ -131,7 +131,7 @@ impl Pipeline {
         };
         // All results are collected before the first error is picked: it must not depend on thread timing.
         let checked: Vec<Result<u32, PipelineError>> =
-            steps.par_iter().map_init(|| vec![0.0; self.series.vertices()], read).collect();
+            steps.par_iter().map_init(|| vec![0.0; self.series.scalar_count()], read).collect();
         checked.into_iter().collect()
     }
 

@@ -12,6 +12,7 @@ use super::{
 };
 use crate::camera::{Samples, View};
 use crate::codec::vq;
+use crate::field::{Association, Scalars};
 use crate::lod::Selector;
 use crate::mesh::Plane;
 use crate::node_table::NodeTable;
@@ -38,7 +39,7 @@ use std::time::Instant;
 pub(super) struct Decoded {
     layer: TetLayer,
     by: DrawnBy,
-    scalars: Arc<Vec<f32>>,
+    scalars: Scalars,
     compressed: Option<CompressedStep>,
     /// Scalar intervals where the table is transparent.
     transparent: Arc<TransparentIntervals>,
@@ -87,8 +88,11 @@ impl Decode {
         let layer = request.tets_of(&series.field.name)?;
         let by = layer.map_or(DrawnBy::Raycast, |layer| layer.draw.drawn_by());
         let Some(layer) = layer.filter(|layer| !layer.is_empty()) else {
-            return Ok(Blank::of(&mut self.blank, series.vertices()).decoded(by));
+            return Ok(Blank::of(&mut self.blank, series).decoded(by));
         };
+        if series.association() == Association::Cell && !layer.surfaces.is_empty() {
+            return Err(RequestError::IsosurfacesOfCells(series.field.name.clone()).into());
+        }
         let colors = SurfaceColors::of(&mut self.colors, layer)?;
         let layer = in_sight(layer);
         let transparent = self.transparent.of(&layer, by, request.skip);
@@ -99,7 +103,7 @@ impl Decode {
         let needed = if !are_all_needed { series.needed_chunks(request.time, &transparent) } else { None };
         let chunks = needed.as_ref().map(|needed| &*needed.chunks);
         let scalars = self.steps.show(series, request.time, chunks, cancel, &mut stats)?;
-        let scalars = scalars.ok_or(PipelineError::Cancelled)?;
+        let scalars = series.scalars(scalars.ok_or(PipelineError::Cancelled)?);
         let beside = self.beside(series, &layer, request.time, cancel, &mut stats)?;
         let known = needed.map(|needed| needed.labels).unwrap_or_default();
         stats.chunks_skipped = known.iter().filter(|label| label.is_some()).count() as u64;
@@ -133,7 +137,7 @@ impl Decode {
                 self.beside.len() - 1
             });
             let scalars = self.beside[place].1.show(&other, time, None, cancel, stats)?;
-            let scalars = scalars.ok_or(PipelineError::Cancelled)?;
+            let scalars = other.scalars(scalars.ok_or(PipelineError::Cancelled)?);
             Ok(FieldBeside { scalars, colors: of.colors.clone() })
         });
         decoded.collect()
@@ -181,19 +185,21 @@ impl SurfaceColors {
 /// Stand-in for a request that draws nothing: a transparent table, for which nothing is decoded and every renderer has nothing to draw.
 #[derive(Debug)]
 struct Blank {
-    scalars: Arc<Vec<f32>>,
+    scalars: Scalars,
     table: Arc<NodeTable>,
     transparent: Arc<TransparentIntervals>,
 }
 
 impl Blank {
-    /// The stand-in for a number of vertices; `last` until this number changes.
-    fn of(last: &mut Option<Self>, vertices: usize) -> &Self {
-        let fitting = last.take().filter(|blank| blank.scalars.len() == vertices);
+    /// The stand-in for a series; `last` until another one has other numbers of vertices or cells.
+    fn of<'a>(last: &'a mut Option<Self>, series: &Series) -> &'a Self {
+        let (of, count) = (series.association(), series.scalar_count());
+        let is_fitting = |blank: &Self| blank.scalars.association() == of && blank.scalars.values().len() == count;
+        let fitting = last.take().filter(is_fitting);
         last.insert(fitting.unwrap_or_else(|| {
             let table = Arc::new(NodeTable::transparent());
             Self {
-                scalars: Arc::new(vec![0.0; vertices]),
+                scalars: series.scalars(Arc::new(vec![0.0; count])),
                 transparent: Arc::new(TransparentIntervals::of(&table)),
                 table,
             }
@@ -423,7 +429,7 @@ impl Order {
         series: &Series,
         layer: &TetLayer,
         (colors, planes, beside): (SurfaceColors, CutPlanes, Vec<FieldBeside>),
-        (scalars, active): (&Arc<Vec<f32>>, &Arc<CellSet>),
+        (scalars, active): (&Scalars, &Arc<CellSet>),
         cancel: &Cancel,
     ) -> Result<Option<SurfaceScene>, PipelineError> {
         if layer.surfaces.is_empty() && planes.is_empty() && !layer.shading.volume {
@@ -432,9 +438,8 @@ impl Order {
         let scene = SurfaceScene::new(&layer.surfaces, layer.shading, &colors.table).map_err(RequestError::from)?;
         let section_by = layer.cuts.iter().filter(|cut| !cut.clips).map(|cut| cut.by).collect();
         let scene = scene.with_planes(planes).with_beside(beside, section_by).with_source(colors.source);
-        if !scene.lacks_gradients() {
-            return Ok(Some(scene));
-        }
+        // Scalars of cells have no gradient in a cell.
+        let Some(scalars) = scalars.of_vertices().filter(|_| scene.lacks_gradients()) else { return Ok(Some(scene)) };
         let gradients = self.vertex_gradients.update(&series.mesh, scalars, active, cancel);
         Ok(Some(scene.with_gradients(gradients.ok_or(PipelineError::Cancelled)?)))
     }
@@ -453,7 +458,7 @@ impl Order {
         }
         self.domain_faces.update(&job.mesh, finite);
         let view = job.local_view();
-        let (mesh, scalars) = (&*job.mesh, job.scalars.as_slice());
+        let (mesh, scalars) = (&*job.mesh, &job.scalars);
         let scene = DomainScene { mesh, scalars, colors, shading, view: &view, clips };
         let of_surface = |surface: &DomainSurface| self.domain_faces.fragments(surface, &scene);
         let (width, height) = view.plane_px();

@@ -2,6 +2,7 @@
 
 use super::series::Series;
 use crate::error::FileResult;
+use crate::field::Scalars;
 use crate::histograms::Histogram;
 use crate::mesh::Mesh;
 use crate::moments::CovDenominator;
@@ -14,27 +15,30 @@ use std::sync::{Arc, PoisonError};
 #[derive(Debug, Default)]
 pub(super) struct Gradients {
     /// The scalars and their gradient magnitudes.
-    last: Option<[Arc<Vec<f32>>; 2]>,
+    last: Option<(Scalars, Arc<Vec<f32>>)>,
 }
 
 impl Gradients {
-    /// One magnitude per cell, in scalars per world length.
-    fn of(&mut self, mesh: &Mesh, scalars: &Arc<Vec<f32>>) -> Arc<Vec<f32>> {
-        if let Some([of, magnitudes]) = &self.last
-            && Arc::ptr_eq(of, scalars)
+    /// One magnitude per cell, in scalars per world length; of scalars of cells that of their means at the vertices.
+    fn of(&mut self, mesh: &Mesh, scalars: &Scalars) -> Arc<Vec<f32>> {
+        if let Some((of, magnitudes)) = &self.last
+            && of.is_same(scalars)
         {
             return magnitudes.clone();
         }
         let mut magnitudes = vec![0.0; mesh.topology.tets.len()];
-        mesh.gradient_magnitudes(scalars, &mut magnitudes);
+        match scalars {
+            Scalars::Vertices(scalars) => mesh.gradient_magnitudes(scalars, &mut magnitudes),
+            Scalars::Cells(scalars) => mesh.gradient_magnitudes(&mesh.means_at_vertices(scalars), &mut magnitudes),
+        };
         let magnitudes = Arc::new(magnitudes);
-        self.last = Some([scalars.clone(), magnitudes.clone()]);
+        self.last = Some((scalars.clone(), magnitudes.clone()));
         magnitudes
     }
 }
 
 impl Series {
-    /// The coefficient of variation of every vertex over all steps, with the usual denominator, as in the series' histograms. `None` if
+    /// The coefficient of variation of every scalar over all steps, with the usual denominator, as in the series' histograms. `None` if
     /// `cancel` was raised.
     ///
     /// # Errors
@@ -43,7 +47,7 @@ impl Series {
         if let Some(cov) = self.quantities.cov.get() {
             return Ok(Some(cov.clone()));
         }
-        let Some(cov) = self.vertex_importance(CovDenominator::default(), cancel)? else { return Ok(None) };
+        let Some(cov) = self.variation(CovDenominator::default(), cancel)? else { return Ok(None) };
         Ok(Some(self.quantities.cov.get_or_init(|| Arc::new(cov)).clone()))
     }
 
@@ -68,18 +72,18 @@ impl Series {
     pub(super) fn joint_scene(
         &self,
         table: &Arc<JointTable>,
-        scalars: &Arc<Vec<f32>>,
+        scalars: &Scalars,
         gradients: &mut Gradients,
         cancel: &Cancel,
     ) -> FileResult<Option<JointScene>> {
-        let vertex_values = if table.vertex_axis().len() > 1 {
+        let row_values = if table.vertex_axis().len() > 1 {
             let Some(cov) = self.coefficients_of_variation(cancel)? else { return Ok(None) };
-            Some(cov)
+            Some(self.scalars(cov))
         } else {
             None
         };
         let cell_values = (table.cell_axis().len() > 1).then(|| gradients.of(&self.mesh, scalars));
-        Ok(Some(JointScene { table: table.clone(), vertex_values, cell_values }))
+        Ok(Some(JointScene { table: table.clone(), row_values, cell_values }))
     }
 }
 
@@ -105,7 +109,9 @@ mod tests {
     #[test]
     fn gradients_are_computed_once_for_the_same_scalars() {
         let mesh = test_series::mesh();
-        let scalars = |slope: f32| Arc::new(mesh.positions.local.iter().map(|p| slope * p.x).collect::<Vec<f32>>());
+        let scalars = |slope: f32| -> Scalars {
+            Arc::new(mesh.positions.local.iter().map(|p| slope * p.x).collect::<Vec<f32>>()).into()
+        };
         let (one, two) = (scalars(1.0), scalars(2.0));
         let mut gradients = Gradients::default();
         let first = gradients.of(&mesh, &one);
@@ -113,6 +119,7 @@ mod tests {
         let second = gradients.of(&mesh, &two);
         // A factor of two is exact in every operation.
         assert!(first.iter().zip(&*second).all(|(a, b)| 2.0 * a == *b) && first[0] > 0.0);
-        assert!(*gradients.of(&mesh, &Arc::new((*one).clone())) == *first, "others with the same values");
+        let copied = Arc::new(one.values().to_vec()).into();
+        assert!(*gradients.of(&mesh, &copied) == *first, "others with the same values");
     }
 }

@@ -1,4 +1,4 @@
-//! Scalar ranges of the chunks of a step's vertices, as far as they are known.
+//! Scalar ranges of the chunks of a step's vertices, as far as they are known; fields of cells have none.
 //!
 //! They are learned when a step is first decoded. From then on chunks without a visible cell need not be decoded again: when a loop
 //! restarts, when playback goes back, when the transfer function changes.
@@ -6,6 +6,7 @@
 use super::kept::StepRanges;
 use super::series::Series;
 use super::time::FrameTime;
+use crate::field::Association;
 use crate::visibility::{Clusters, Label, TransparentIntervals};
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -42,6 +43,10 @@ impl Series {
 
     /// Learns the ranges of a step from all of its scalars.
     pub(super) fn learn_ranges(&self, step: usize, scalars: &[f32]) {
+        if self.association() == Association::Cell {
+            // Chunks are of vertices.
+            return;
+        }
         let steps_max = self.ranges.steps_max(scalars.len());
         let is_learned = |steps: &HashMap<_, _>| steps.len() < steps_max && !steps.contains_key(&step);
         if !is_learned(&self.known_ranges()) {

@@ -101,14 +101,15 @@ impl Series {
             }
             Key::Random => Ranking::by_hash(topology),
             Key::Global(denominator) => {
-                let Some(vertices) = self.vertex_importance(denominator, cancel)? else { return Ok(None) };
-                Ranking::by_importance(topology, &importance(topology, &vertices))
+                let Some(variation) = self.variation(denominator, cancel)? else { return Ok(None) };
+                Ranking::by_importance(topology, &importance(topology, &self.at_vertices(variation)))
             }
             Key::Step(step) => {
-                let mut scalars = vec![0.0; self.vertices()];
+                let mut scalars = vec![0.0; self.scalar_count()];
                 if !self.decode_step(step, &mut scalars, cancel)? {
                     return Ok(None);
                 }
+                let scalars = self.at_vertices(scalars);
                 kept.by_hash.get_or_insert_with(|| Arc::new(Ranking::by_hash(topology))).in_strata(topology, &scalars)
             }
         };
@@ -167,38 +168,35 @@ impl Series {
         Ok(Some(intervals))
     }
 
-    /// The scalars of some steps from first to last, vertex by vertex, and the number of these steps. `None` if `cancel` was raised.
+    /// The scalars of some steps from first to last at the vertices, vertex by vertex, and the number of these steps. `None` if `cancel` was raised.
     fn spread_steps(&self, cancel: &Cancel) -> FileResult<Option<(Vec<f32>, usize)>> {
-        let (last, vertices) = (self.times.len().saturating_sub(1), self.vertices());
+        let (last, vertices) = (self.times.len().saturating_sub(1), self.mesh.positions.local.len());
         let count = self.times.len().min(ERROR_STEPS);
         let mut scalars = vec![0.0; count * vertices];
-        let mut values = vec![0.0; vertices];
         for place in 0..count {
+            let mut values = vec![0.0; self.scalar_count()];
             if !self.decode_step(place * last / (count - 1).max(1), &mut values, cancel)? {
                 return Ok(None);
             }
+            let values = self.at_vertices(values);
             scalars[place..].iter_mut().step_by(count).zip(&values).for_each(|(to, &value)| *to = value);
         }
         Ok(Some((scalars, count)))
     }
 
-    /// Coefficients of variation: from the store, its statistics, or all steps.
-    pub(super) fn vertex_importance(
-        &self,
-        denominator: CovDenominator,
-        cancel: &Cancel,
-    ) -> FileResult<Option<Vec<f32>>> {
+    /// Coefficients of variation of the scalars: from the store, its statistics, or all steps.
+    pub(super) fn variation(&self, denominator: CovDenominator, cancel: &Cancel) -> FileResult<Option<Vec<f32>>> {
         if denominator == CovDenominator::default()
-            && let Some(stored) = self.source.reader().and_then(FieldReader::vertex_importance)
+            && let Some(stored) = self.source.reader().and_then(FieldReader::variation)
         {
             return Ok(Some(stored));
         }
         // Damaged statistics are computed again.
-        let stored = self.source.reader().and_then(|reader| reader.vertex_statistics().ok().flatten());
+        let stored = self.source.reader().and_then(|reader| reader.statistics().ok().flatten());
         let statistics = match stored {
             Some(statistics) => statistics,
             None => {
-                let mut moments = Moments::new(self.vertices());
+                let mut moments = Moments::new(self.scalar_count());
                 if !self.for_each_step(cancel, |values| _ = moments.add_step(values))? {
                     return Ok(None);
                 }
@@ -211,7 +209,7 @@ impl Series {
 
     /// Passes every step to `take`; whether it finished before `cancel` was raised.
     fn for_each_step(&self, cancel: &Cancel, mut take: impl FnMut(&[f32])) -> FileResult<bool> {
-        let mut values = vec![0.0; self.vertices()];
+        let mut values = vec![0.0; self.scalar_count()];
         for step in 0..self.times.len() {
             if !self.decode_step(step, &mut values, cancel)? {
                 return Ok(false);

@@ -4,7 +4,7 @@ use super::kept::{ChunkRanges, Quantities, Rankings};
 use crate::codec::vq::VqBlock;
 use crate::codec::{BlockCache, DecodeStats, StepRequest};
 use crate::error::{FileError, FileResult};
-use crate::field::{FieldSelector, TimeAxis};
+use crate::field::{Association, FieldSelector, Scalars, TimeAxis};
 use crate::histograms::Histogram;
 #[cfg(doc)]
 use crate::histograms::Kind;
@@ -16,7 +16,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Source of decoded steps: [`FieldReader`], or in tests one that fails. No method has a default, so that a wrapping source forgets none.
 pub(super) trait StepSource: Send + Sync {
-    /// Fills `out` with a step, one scalar per vertex; `None` if it was cancelled. Vertices that are not wanted may be left undecoded.
+    /// Fills `out` with a step, one scalar per vertex or cell; `None` if it was cancelled. Scalars that are not wanted may be left undecoded.
     fn decode_step(&self, request: StepRequest<'_>, out: &mut [f32]) -> FileResult<Option<DecodeStats>>;
 
     /// The compressed block of a step; `None` if its codec has none that a GPU can decode.
@@ -200,12 +200,33 @@ impl Series {
         &self.field
     }
 
-    /// Number of vertices, and of scalars of a step.
-    pub(crate) fn vertices(&self) -> usize {
-        self.mesh.positions.local.len()
+    /// What has the scalars: vertices or cells.
+    pub fn association(&self) -> Association {
+        self.field.values_of
     }
 
-    /// Fills `out` with a step, one scalar per vertex; whether it came to its end before `cancel` was raised.
+    /// Number of scalars of a step.
+    pub(crate) fn scalar_count(&self) -> usize {
+        match self.association() {
+            Association::Point => self.mesh.positions.local.len(),
+            Association::Cell => self.mesh.topology.tets.len(),
+        }
+    }
+
+    /// The scalars of a step by its values.
+    pub(crate) fn scalars(&self, values: Arc<Vec<f32>>) -> Scalars {
+        Scalars::new(self.association(), values)
+    }
+
+    /// Values of a step as values of the vertices: those of cells are averaged ([`Mesh::means_at_vertices`]).
+    pub(super) fn at_vertices(&self, values: Vec<f32>) -> Vec<f32> {
+        match self.association() {
+            Association::Point => values,
+            Association::Cell => self.mesh.means_at_vertices(&values),
+        }
+    }
+
+    /// Fills `out` with a step, one scalar per vertex or cell; whether it came to its end before `cancel` was raised.
     pub(crate) fn decode_step(&self, step: usize, out: &mut [f32], cancel: &Cancel) -> FileResult<bool> {
         Ok(self.source.decode_step(StepRequest::whole(step, cancel), out)?.is_some())
     }

@@ -54,7 +54,7 @@ pub(super) struct StepCache {
 }
 
 impl StepCache {
-    /// The scalars at a time, one per vertex, at least in the `needed` chunks of [`Clusters::VERTICES`] (`None`: all); `None` if `cancel`
+    /// The scalars at a time, one per vertex or cell, at least in the `needed` chunks of [`Clusters::VERTICES`] (`None`: all); `None` if `cancel`
     /// was raised. The other chunks are filled with their least scalar. A call that needs further chunks of a held time fills all of them.
     ///
     /// # Errors
@@ -75,13 +75,13 @@ impl StepCache {
             stats.decodes_skipped += 1;
             return Ok(Some(found));
         }
-        let vertices = series.vertices();
+        let count = series.scalar_count();
         let needed = needed.filter(|_| self.held.iter().all(|held| held.time != time));
         let Some((next, weight)) = time.toward() else {
             let mut decoded = DecodeStats::default();
             let ranges = needed.and_then(|_| series.ranges_of(time.step()));
             let needed = needed.filter(|_| ranges.is_some());
-            let filled = self.fill(time, vertices, needed, |out| {
+            let filled = self.fill(time, count, needed, |out| {
                 let wanted = needed.map(|chunks| Wanted { length: Clusters::VERTICES, chunks });
                 let cost = series.source.decode_step(StepRequest { step: time.step(), wanted, cancel }, out)?;
                 decoded = cost.unwrap_or_default();
@@ -103,7 +103,7 @@ impl StepCache {
         let Some(from) = self.show(series, time.step().into(), needed, cancel, stats)? else { return Ok(None) };
         let to = if known.is_some() { known } else { self.show(series, next.into(), needed, cancel, stats)? };
         let Some(to) = to else { return Ok(None) };
-        self.fill(time, vertices, needed, |out| {
+        self.fill(time, count, needed, |out| {
             mix_steps(&from, &to, weight, cancel, out);
             Ok(!cancel.is_cancelled())
         })
@@ -126,7 +126,7 @@ impl StepCache {
     fn fill(
         &mut self,
         time: FrameTime,
-        vertices: usize,
+        count: usize,
         needed: Option<&[bool]>,
         fill: impl FnOnce(&mut [f32]) -> FileResult<bool>,
     ) -> FileResult<Option<Arc<Vec<f32>>>> {
@@ -134,7 +134,7 @@ impl StepCache {
         // No frame holds the buffer. A renderer may still have a weak reference, to tell whether it has uploaded it; `make_mut` leaves that
         // behind and moves the values.
         let values = Arc::make_mut(&mut scalars);
-        values.resize(vertices, 0.0);
+        values.resize(count, 0.0);
         let filled = fill(values);
         if !matches!(filled, Ok(true)) {
             self.spare = Some(scalars);
@@ -199,7 +199,7 @@ mod tests {
             let mut stats = FrameStats::default();
             let shown = cache.show(&series, time, None, &Cancel::new(), &mut stats).unwrap().unwrap();
             let expected = time.mix(time.step() as f64, |next| next as f64) as f32;
-            assert!(shown.len() == series.vertices() && shown.iter().all(|&s| s == expected), "{time:?}");
+            assert!(shown.len() == series.scalar_count() && shown.iter().all(|&s| s == expected), "{time:?}");
         }
         log.decoded()
     }

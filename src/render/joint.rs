@@ -17,6 +17,7 @@
 
 use super::RenderError;
 use super::medium::{Medium, Segment};
+use crate::field::Scalars;
 use crate::mesh::Mesh;
 use crate::node_table::JointTable;
 use crate::optics::Accumulator;
@@ -28,9 +29,9 @@ use std::sync::Arc;
 pub struct JointScene {
     /// The transfer function.
     pub table: Arc<JointTable>,
-    /// One value per vertex of the mesh, in the unit of the table's rows, linear in a cell. NaN counts as the lowest row; `None` as NaN
-    /// everywhere.
-    pub vertex_values: Option<Arc<Vec<f32>>>,
+    /// Values in the unit of the table's rows: at vertices, linear in a cell, or of cells, as the scalars. NaN counts as the lowest row;
+    /// `None` as NaN everywhere.
+    pub row_values: Option<Scalars>,
     /// One value per cell of the mesh, in the unit of the table's layers. NaN counts as the lowest table layer; `None` as NaN everywhere.
     pub cell_values: Option<Arc<Vec<f32>>>,
 }
@@ -44,15 +45,30 @@ impl JointScene {
             }
             _ => Ok(()),
         };
-        check(&self.vertex_values, "vertices", mesh.positions.local.len())?;
+        match &self.row_values {
+            Some(Scalars::Cells(values)) => check(&Some(values.clone()), "cells", mesh.topology.tets.len())?,
+            values => {
+                let values = values.as_ref().and_then(Scalars::of_vertices).cloned();
+                check(&values, "vertices", mesh.positions.local.len())?;
+            }
+        }
         check(&self.cell_values, "cells", mesh.topology.tets.len())
     }
 
-    /// Value at a vertex; infinities clamp to +-f32::MAX, NaN to the lowest row.
+    /// Value at a vertex, if vertices have these values; infinities clamp to +-f32::MAX, NaN to the lowest row.
     pub(super) fn vertex_value(&self, vertex: u32) -> f64 {
-        let lowest = self.table.vertex_axis()[0];
-        let value = self.vertex_values.as_ref().map_or(f32::NAN, |values| values[vertex as usize]);
-        if value.is_nan() { lowest } else { f64::from(value.clamp(f32::MIN, f32::MAX)) }
+        let values = self.row_values.as_ref().and_then(Scalars::of_vertices);
+        self.row_value(values.map_or(f32::NAN, |values| values[vertex as usize]))
+    }
+
+    /// Values at the corners of a cell, as [`Self::vertex_value`].
+    pub(super) fn values_at_corners(&self, cell: u32, tet: [u32; 4]) -> [f64; 4] {
+        let values = self.row_values.as_ref().map_or([f32::NAN; 4], |values| values.at_corners(cell, tet));
+        values.map(|value| self.row_value(value))
+    }
+
+    fn row_value(&self, value: f32) -> f64 {
+        if value.is_nan() { self.table.vertex_axis()[0] } else { f64::from(value.clamp(f32::MIN, f32::MAX)) }
     }
 
     /// Value of a cell; NaN selects the lowest table layer.
@@ -88,5 +104,10 @@ impl Medium for JointMedium<'_> {
 
     fn vertex_value(&self, vertex: u32) -> f64 {
         self.scene.vertex_value(vertex)
+    }
+
+    fn value_in_cell(&self, cell: u32) -> f64 {
+        let values = self.scene.row_values.as_ref().and_then(Scalars::of_cells);
+        self.scene.row_value(values.map_or(f32::NAN, |values| values[cell as usize]))
     }
 }

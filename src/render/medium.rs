@@ -161,10 +161,22 @@ pub(in crate::render) trait Medium: Sync {
         0.0
     }
 
+    /// Value in a cell, of media that are of values of cells.
+    #[inline(always)]
+    fn value_in_cell(&self, _: u32) -> f64 {
+        0.0
+    }
+
     /// The table, if the medium is nothing but an exactly integrated transfer function of the scalar; vectors of rays have a fast path
     /// for it.
     #[inline(always)]
     fn exact_table(&self) -> Option<&ExactTable> {
+        None
+    }
+
+    /// One scalar per cell, if the medium has these instead of those at the ends of segments.
+    #[inline(always)]
+    fn cell_scalars(&self) -> Option<&[f32]> {
         None
     }
 }
@@ -211,6 +223,39 @@ impl<I: Integrator> Medium for ScalarMedium<'_, I> {
     #[inline(always)]
     fn exact_table(&self) -> Option<&ExactTable> {
         self.0.as_exact()
+    }
+}
+
+/// A medium in which every cell has one scalar, whatever its vertices have.
+///
+/// A step between two cells is exact: each segment has the scalar of its own cell at both ends, and the ray begins anew in each.
+pub(in crate::render) struct CellMedium<'a, M> {
+    pub(in crate::render) medium: &'a M,
+    /// One scalar per cell.
+    pub(in crate::render) scalars: &'a [f32],
+}
+
+impl<M: Medium> Medium for CellMedium<'_, M> {
+    type Ray = M::Ray;
+    type Light = M::Light;
+    const HAS_VALUES: bool = M::HAS_VALUES;
+
+    #[inline(always)]
+    fn pass(&self, ray: &mut M::Ray, segment: &Segment, light: &mut M::Light) -> u32 {
+        let scalar = [f64::from(self.scalars[segment.cell as usize]); 2];
+        let value = if M::HAS_VALUES { [self.medium.value_in_cell(segment.cell); 2] } else { segment.value };
+        *ray = M::Ray::default();
+        self.medium.pass(ray, &Segment { scalar, value, part_scalar: scalar, ..*segment }, light)
+    }
+
+    #[inline(always)]
+    fn exact_table(&self) -> Option<&ExactTable> {
+        self.medium.exact_table()
+    }
+
+    #[inline(always)]
+    fn cell_scalars(&self) -> Option<&[f32]> {
+        Some(self.scalars)
     }
 }
 

@@ -24,6 +24,7 @@ pub mod upsampling;
 
 use crate::camera::{Samples, View};
 use crate::codec::vq::VqBlock;
+use crate::field::Scalars;
 pub use crate::image::Planes;
 use crate::mesh::Mesh;
 use crate::node_table::NodeTable;
@@ -48,8 +49,8 @@ use upsampling::Enlargement;
 pub struct RenderJob {
     /// The mesh.
     pub mesh: Arc<Mesh>,
-    /// One scalar per vertex of the mesh; finite at the vertices of active cells.
-    pub scalars: Arc<Vec<f32>>,
+    /// The scalars; those of active cells, or at their vertices, are finite.
+    pub scalars: Scalars,
     /// The same scalars as compressed in the store, for renderers that decode them on the device.
     pub compressed: Option<CompressedStep>,
     /// The cells to draw; all others count as outside. Holds no cell with a non-finite scalar.
@@ -139,12 +140,14 @@ pub struct CompressedStep {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RenderError {
     /// The number of scalars does not match the mesh.
-    #[error("{scalars} scalars for a mesh of {vertices} vertices")]
+    #[error("{scalars} scalars for a mesh of {expected} {of}")]
     ScalarCount {
         /// Scalars given.
         scalars: usize,
-        /// Vertices of the mesh.
-        vertices: usize,
+        /// Vertices or cells.
+        of: &'static str,
+        /// Vertices or cells of the mesh.
+        expected: usize,
     },
     /// The set of active cells does not match the mesh.
     #[error("a set over {set} cells for a mesh of {cells} cells")]
@@ -250,14 +253,14 @@ impl RenderJob {
     /// A job with the required parts only: exact optics, everything skipped that may be, empty statistics, never cancelled.
     pub fn new(
         mesh: Arc<Mesh>,
-        scalars: Arc<Vec<f32>>,
+        scalars: impl Into<Scalars>,
         active: Arc<CellSet>,
         view: View,
         table: Arc<NodeTable>,
     ) -> Self {
         Self {
             mesh,
-            scalars,
+            scalars: scalars.into(),
             compressed: None,
             active,
             finite: None,
@@ -291,8 +294,12 @@ impl RenderJob {
     /// If scalars, active cells or values beside the scalar do not match the mesh, or pixels, fragments or an enlargement the image.
     pub fn check(&self) -> Result<(), RenderError> {
         let (vertices, cells) = (self.mesh.positions.local.len(), self.mesh.topology.tets.len());
-        if self.scalars.len() != vertices {
-            return Err(RenderError::ScalarCount { scalars: self.scalars.len(), vertices });
+        let (of, expected) = match self.scalars {
+            Scalars::Vertices(_) => ("vertices", vertices),
+            Scalars::Cells(_) => ("cells", cells),
+        };
+        if self.scalars.values().len() != expected {
+            return Err(RenderError::ScalarCount { scalars: self.scalars.values().len(), of, expected });
         }
         let of_edges = self.enlarge.as_ref().map(|enlargement| &enlargement.domain);
         let sets = [Some(&self.active), self.finite.as_ref(), self.domain.as_ref(), of_edges];

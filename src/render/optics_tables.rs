@@ -176,7 +176,8 @@ mod tests {
             let made = tables.get(&first);
             assert!(tables.get(&first).is_same(&made), "{optics}");
             // A new step or view keeps the table.
-            let moved = RenderJob { scalars: Arc::new(vec![1.0; first.scalars.len()]), ..first.clone() };
+            let moved =
+                RenderJob { scalars: Arc::new(vec![1.0; first.scalars.values().len()]).into(), ..first.clone() };
             assert!(tables.get(&moved).is_same(&made), "{optics}");
             let alike = RenderJob { table: ramp(2.0), ..first.clone() };
             assert!(!tables.get(&alike).is_same(&made), "{optics}");

@@ -284,7 +284,7 @@ impl Ray {
             source_cell: mesh.cell_source.get(*number as usize).copied().unwrap_or(*number),
             position: mesh.positions.origin + mesh.positions.scale * local,
             weights,
-            scalar: interpolate(weights, tet.map(|v| job.scalars[v as usize])),
+            scalar: interpolate(weights, job.scalars.at_corners(*number, tet)),
             depth: depth * mesh.positions.scale,
             share,
         }

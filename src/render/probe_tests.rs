@@ -141,7 +141,7 @@ fn a_point_lies_on_the_ray_in_its_cell_and_has_its_scalar() {
         assert_eq!(probe.source_cell, job.mesh.cell_source[probe.cell as usize]);
         assert!(probe.weights.iter().all(|w| (0.0..=1.0).contains(w)));
         assert!((probe.weights.iter().sum::<f64>() - 1.0).abs() <= 4.0 * f64::EPSILON);
-        let scalars = tet.map(|v| job.scalars[v as usize]);
+        let scalars = job.scalars.at_corners(probe.cell, tet);
         // Four products of scalars and weights below 1 and their sum: each rounds by 2^-53 at most.
         let by_hand: f64 = probe.weights.iter().zip(scalars).map(|(w, s)| w * f64::from(s)).sum();
         assert!((probe.scalar - by_hand).abs() <= 16.0 * f64::EPSILON, "seed {seed}");
@@ -258,7 +258,7 @@ fn where_nothing_is_to_be_seen_nothing_is_found() {
     for at_px in [(-1.0, 4.5), (4.5, 9.5), (f64::NAN, 4.5), (f64::INFINITY, 0.0)] {
         assert_eq!(probe(&job, &[], at_px), Ok(None), "beside the image");
     }
-    let other = RenderJob { scalars: Arc::new(vec![0.0; 3]), ..job };
+    let other = RenderJob { scalars: Arc::new(vec![0.0; 3]).into(), ..job };
     assert!(probe(&other, &[], MIDDLE).is_err());
 }
 

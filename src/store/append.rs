@@ -5,7 +5,7 @@ use super::field::StoredField;
 use super::folder::{Folder, FolderSink};
 use super::histograms::HISTOGRAMS;
 use super::importance::LOD;
-use super::layout::{self, CHECKSUM_PER_STEP, ERRORS_PER_STEP, ERRORS_PER_VERTEX, FIELDS, TIME};
+use super::layout::{self, CELL_FIELDS, CHECKSUM_PER_STEP, ERRORS_PER_STEP, ERRORS_PER_VERTEX, FIELDS, TIME};
 use super::staging::Staging;
 use super::writer::{Content, FieldWriter, StoreWriter};
 use super::{FieldDescription, Store};
@@ -35,9 +35,9 @@ impl StoredField {
     }
 
     /// Keys of the chunks that adding steps replaces.
-    pub(super) fn unsettled_chunks(&self, source: &Arc<Folder>, steps: usize, vertices: usize) -> Vec<String> {
-        let group_key = &format!("{FIELDS}/{}", self.folder);
-        let values = StoredValues { source: source.clone(), group_key, steps, vertices };
+    pub(super) fn unsettled_chunks(&self, source: &Arc<Folder>, steps: usize, count: usize) -> Vec<String> {
+        let group_key = &self.group();
+        let values = StoredValues { source: source.clone(), group_key, steps, vertices: count };
         self.coding().map(|coding| coding.unsettled_chunks(&values)).unwrap_or_default()
     }
 }
@@ -69,7 +69,7 @@ impl StoreWriter {
         let mut staging = Staging::begin(&target, true)?;
         staging.keep(|key| is_kept(key, store, &resumed))?;
         let mut writer = Self::at(staging);
-        writer.folders = store.fields().iter().map(|f| f.folder.clone()).collect();
+        writer.folders = store.fields().iter().map(|f| (f.values_of, f.folder.clone())).collect();
         writer.revision = store.attributes.revision.saturating_add(1);
         writer.replaces = Some((target, store.stamp.clone()));
         let fields = store.fields().iter().zip(resumed).map(|(field, resumed)| ResumedField {
@@ -79,11 +79,13 @@ impl StoreWriter {
                 description: FieldDescription {
                     name: field.name.clone(),
                     association: field.association,
+                    values_of: field.values_of,
+                    weights: field.weights,
                     units: field.units.clone(),
                 },
                 checksums: field.checksums.as_ref().map(|known| known[..resumed.first_step].to_vec()),
                 content: resumed.content,
-                sink: FolderSink::new(writer.staging.path().join(FIELDS).join(&field.folder)),
+                sink: FolderSink::new(writer.staging.path().join(field.group())),
             },
             moments: resumed.moments,
             first_step: resumed.first_step,
@@ -101,11 +103,11 @@ struct Resumed {
 }
 
 fn resume(store: &Store, field: &StoredField) -> FileResult<Resumed> {
-    let group = format!("{FIELDS}/{}", field.folder);
+    let group = field.group();
     let path = store.root.join(&group);
     let steps = store.times().len();
     let reader = store.field(&FieldSelector { name: field.name.clone(), component: None })?;
-    let statistics = reader.vertex_statistics()?.ok_or_else(|| {
+    let statistics = reader.stored_statistics()?.ok_or_else(|| {
         let problem = "is missing or of another version: statistics cannot go on";
         FileError::unsupported(path.join("moments"), "", problem).remedy("import the series again")
     })?;
@@ -117,7 +119,7 @@ fn resume(store: &Store, field: &StoredField) -> FileResult<Resumed> {
             if coding.choice().is_none() {
                 return Err(too_old(path.join("zarr.json"), "does not say how it was coded"));
             }
-            let vertices = reader.vertex_count();
+            let vertices = reader.stored_count();
             let errors = match coding.codec().is_exact {
                 true => ErrorTally::new(vertices),
                 false => errors_so_far(store, &group, field.settled_steps(steps), vertices)?,
@@ -158,9 +160,12 @@ fn is_kept(key: &str, store: &Store, resumed: &[Resumed]) -> bool {
     if key == "zarr.json" || within(key, TIME) || within(key, LOD) {
         return false;
     }
-    let Some(key) = key.strip_prefix(FIELDS).and_then(|key| key.strip_prefix('/')) else { return true };
-    let Some((folder, key)) = key.split_once('/') else { return key != "zarr.json" };
-    let Some(i) = store.fields().iter().position(|f| f.folder == folder) else { return true };
+    if [FIELDS, CELL_FIELDS].iter().any(|group| key == format!("{group}/zarr.json")) {
+        return false;
+    }
+    let below = |field: &StoredField| key.strip_prefix(&field.group())?.strip_prefix('/');
+    let found = store.fields().iter().enumerate().find_map(|(i, field)| Some((i, below(field)?)));
+    let Some((i, key)) = found else { return true };
     let renewed = ["range_per_step", CHECKSUM_PER_STEP, "moments", HISTOGRAMS, ERRORS_PER_STEP, ERRORS_PER_VERTEX];
     if key == "zarr.json" || renewed.iter().any(|name| within(key, name)) {
         return false;

@@ -3,7 +3,7 @@
 use super::MAGNITUDE_CODEC;
 use super::array::StoredArray;
 use super::folder::Folder;
-use super::layout::{self, CHECKSUM_PER_STEP, FIELDS, FieldAttributes, moments_array};
+use super::layout::{self, CHECKSUM_PER_STEP, FieldAttributes, MeanWeights, fields_of, moments_array};
 use super::mesh::is_current;
 use crate::codec::blocks::{BlockCache, BlockKey, BlockLoader};
 use crate::codec::vq::VqBlock;
@@ -13,6 +13,7 @@ use crate::codec::{
 };
 use crate::error::{FileError, FileResult};
 use crate::field::Association;
+use crate::mesh::SourceCells;
 use crate::moments::{StepSummary, VertexStatistics};
 use crate::task::Cancel;
 use serde::Serialize;
@@ -26,8 +27,13 @@ pub struct StoredField {
     pub name: String,
     /// Unit of the values, if known.
     pub units: Option<String>,
-    /// Association of the values in the source; in the store they are per vertex.
+    /// Association of the values in the source.
     pub association: Association,
+    /// What has the values in the store: cells, or vertices, to which those of cells may have been brought.
+    pub values_of: Association,
+    /// How they were brought there, if known.
+    #[serde(skip)]
+    pub weights: Option<MeanWeights>,
     /// Codec of the values; `magnitude` if they are computed from `magnitude_of`.
     pub codec: String,
     /// Parameters of the codec.
@@ -83,12 +89,17 @@ fn coding_of(attributes: &FieldAttributes, path: &Path) -> FileResult<Option<Arc
 }
 
 impl StoredField {
-    /// Reads attributes and ranges and checks the shape of the values.
-    pub(super) fn open(root: &Path, source: &Folder, folder: &str, steps: u64, vertices: u64) -> FileResult<Self> {
-        let group = format!("{FIELDS}/{folder}");
+    /// Reads attributes and ranges and checks the shape of the values: `count` in each step, of vertices or of the source's cells.
+    pub(super) fn open(
+        root: &Path,
+        source: &Folder,
+        (values_of, folder): (Association, &str),
+        [steps, count]: [u64; 2],
+    ) -> FileResult<Self> {
+        let group = format!("{}/{folder}", fields_of(values_of));
         let attributes: FieldAttributes = layout::read_group(root, &group)?;
         let coding = coding_of(&attributes, &root.join(&group))?;
-        for array in coding.iter().flat_map(|coding| coding.arrays(steps, vertices)) {
+        for array in coding.iter().flat_map(|coding| coding.arrays(steps, count)) {
             let key = format!("{group}/{}", array.name);
             StoredArray::open(root, &key, array.element, array.chunking, array.shape.len())?
                 .expect_shape(&array.shape)?;
@@ -111,6 +122,8 @@ impl StoredField {
             name: attributes.name,
             units: attributes.units,
             association: attributes.association,
+            values_of,
+            weights: attributes.weights,
             codec: attributes.codec,
             codec_parameters: attributes.codec_parameters,
             quality: attributes.quality,
@@ -128,7 +141,12 @@ impl StoredField {
     /// Paths of its own value arrays below the root, whatever the number of values.
     pub(super) fn array_paths(&self) -> impl Iterator<Item = String> {
         let arrays = self.coding().into_iter().flat_map(|coding| coding.arrays(1, 1));
-        arrays.map(|array| format!("{FIELDS}/{}/{}", self.folder, array.name))
+        arrays.map(|array| format!("{}/{}", self.group(), array.name))
+    }
+
+    /// Its group below the root.
+    pub(super) fn group(&self) -> String {
+        format!("{}/{}", fields_of(self.values_of), self.folder)
     }
 
     /// Coding of its own values; `None` for a magnitude.
@@ -138,8 +156,8 @@ impl StoredField {
 
     /// A decoder of the field's own values, with its blocks in `cache` if there is one; `None` for a magnitude.
     fn decoder(&self, series: &Series) -> Option<Box<dyn Decoder>> {
-        let group_key = &format!("{FIELDS}/{}", self.folder);
-        let (source, steps, vertices) = (series.source.clone(), series.steps, series.vertices);
+        let group_key = &self.group();
+        let (source, steps, vertices) = (series.source.clone(), series.steps, series.count);
         let values = StoredValues { source, group_key, steps, vertices };
         self.coding().map(|coding| coding.decoder(&values, series.cache.clone()))
     }
@@ -169,7 +187,10 @@ pub(super) struct Series {
     pub(super) root: PathBuf,
     pub(super) source: Arc<Folder>,
     pub(super) steps: usize,
-    pub(super) vertices: usize,
+    /// Values of a step in the store: of vertices or of the source's cells.
+    pub(super) count: usize,
+    /// The source's cells that the values are of, if some of them are several cells of the mesh.
+    pub(super) parts: Option<Arc<SourceCells>>,
     pub(super) cache: Option<Arc<BlockCache>>,
 }
 
@@ -182,6 +203,8 @@ pub struct FieldReader {
     decoders: Vec<Box<dyn Decoder>>,
     /// Buffers for all components of a step of a magnitude.
     pool: Mutex<Vec<Vec<f32>>>,
+    /// Buffers for the values of a step as the store has them.
+    compact: Mutex<Vec<Vec<f32>>>,
     pub(super) series: Series,
 }
 
@@ -197,7 +220,7 @@ impl FieldReader {
             Some(decoder) => vec![decoder],
             None => components.iter().filter_map(|field| field.decoder(&series)).collect(),
         };
-        Self { info, components, decoders, pool: Mutex::default(), series }
+        Self { info, components, decoders, pool: Mutex::default(), compact: Mutex::default(), series }
     }
 
     /// Another reader of the same files, with its blocks in `cache`: its reads evict none of this reader's blocks.
@@ -217,19 +240,24 @@ impl FieldReader {
         self.series.steps
     }
 
-    /// Number of values of a step.
-    pub fn vertex_count(&self) -> usize {
-        self.series.vertices
+    /// Number of values of a step: one per vertex of the store's mesh, or one per cell.
+    pub fn value_count(&self) -> usize {
+        self.series.parts.as_ref().map_or(self.series.count, |parts| parts.cells())
     }
 
-    /// Decodes `step` into `out`, one value per vertex of the store's mesh. NaN and infinities are as in the source.
+    /// Number of values of a step in the store: one per vertex, or one per cell of the source.
+    pub(super) fn stored_count(&self) -> usize {
+        self.series.count
+    }
+
+    /// Decodes `step` into `out`, one value per vertex or cell of the store's mesh. NaN and infinities are as in the source.
     ///
     /// # Errors
     /// If there is no such step, or its chunk is missing, cut or damaged; the error names the file and the step. `out`
     /// is unspecified then.
     ///
     /// # Panics
-    /// If the length of `out` is not [`FieldReader::vertex_count`].
+    /// If the length of `out` is not [`FieldReader::value_count`].
     pub fn decode_step(&self, step: usize, out: &mut [f32]) -> FileResult<DecodeStats> {
         match self.decode_step_unless(StepRequest::whole(step, &Cancel::new()), out)? {
             Some(stats) => Ok(stats),
@@ -246,15 +274,34 @@ impl FieldReader {
     /// # Panics
     /// As [`FieldReader::decode_step`], or if there is not one flag for each chunk.
     pub fn decode_step_unless(&self, request: StepRequest<'_>, out: &mut [f32]) -> FileResult<Option<DecodeStats>> {
+        let Some(parts) = &self.series.parts else { return self.decode_stored(request, out) };
+        self.with_buffer(&self.compact, self.series.count, |compact| {
+            let decoded = self.decode_stored(StepRequest { wanted: None, ..request }, compact)?;
+            if decoded.is_some() {
+                parts.expand(compact, out);
+            }
+            Ok(decoded)
+        })
+    }
+
+    /// Decodes the values of a step that the store has.
+    fn decode_stored(&self, request: StepRequest<'_>, out: &mut [f32]) -> FileResult<Option<DecodeStats>> {
         if let Some(decoder) = self.own_decoder() {
             return decoder.decode_step_unless(request, out);
         }
-        assert_eq!(out.len(), self.series.vertices, "one value per vertex");
-        let pooled = self.pool.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        assert_eq!(out.len(), self.series.count, "one value per vertex or cell");
+        self.with_buffer(&self.pool, self.decoders.len() * self.series.count, |buffer| {
+            decode_magnitude(&self.decoders, request, buffer, out)
+        })
+    }
+
+    /// Calls a function with a buffer of this length from a pool.
+    fn with_buffer<T>(&self, pool: &Mutex<Vec<Vec<f32>>>, length: usize, call: impl FnOnce(&mut [f32]) -> T) -> T {
+        let pooled = pool.lock().unwrap_or_else(PoisonError::into_inner).pop();
         // A new buffer is zero without being written, which would take a while and could not be cancelled.
-        let mut buffer = pooled.unwrap_or_else(|| vec![0.0; self.decoders.len() * self.series.vertices]);
-        let result = decode_magnitude(&self.decoders, request, &mut buffer, out);
-        self.pool.lock().unwrap_or_else(PoisonError::into_inner).push(buffer);
+        let mut buffer = pooled.unwrap_or_else(|| vec![0.0; length]);
+        let result = call(&mut buffer);
+        pool.lock().unwrap_or_else(PoisonError::into_inner).push(buffer);
         result
     }
 
@@ -302,21 +349,38 @@ impl FieldReader {
         step < self.series.steps && self.keys(step).all(|key| cache.is_resident(key))
     }
 
-    /// The compressed block of codec `vq` that `step` is in, for a GPU decoder; `None` for other codecs.
+    /// The compressed block of codec `vq` that `step` is in, for a GPU decoder; `None` for other codecs, and for values of cells.
     ///
     /// # Errors
     /// As [`FieldReader::decode_step`].
     pub fn vq_block(&self, step: usize) -> FileResult<Option<Arc<VqBlock>>> {
-        self.own_decoder().map_or(Ok(None), |decoder| decoder.vq_block(step))
+        let of_vertices = self.own_decoder().filter(|_| self.info.values_of == Association::Point);
+        of_vertices.map_or(Ok(None), |decoder| decoder.vq_block(step))
     }
 
-    /// Mean and variance over time of every vertex; `None` if the store has none of this version.
+    /// Mean and variance over time of every value of a step; `None` if the store has none of this version.
     ///
     /// # Errors
     /// If the arrays are damaged.
-    pub fn vertex_statistics(&self) -> FileResult<Option<VertexStatistics>> {
-        let spec = moments_array(self.series.vertices as u64);
-        let key = format!("{FIELDS}/{}/{}", self.info.folder, spec.name);
+    pub fn statistics(&self) -> FileResult<Option<VertexStatistics>> {
+        let Some(stored) = self.stored_statistics()? else { return Ok(None) };
+        let VertexStatistics { mean, variance, finite_count } = stored;
+        let [mean, variance, finite_count] = [mean, variance, finite_count].map(|values| self.expanded(values));
+        Ok(Some(VertexStatistics { mean, variance, finite_count }))
+    }
+
+    /// Values as the store has them, as one for each value of a step.
+    pub(super) fn expanded<T: Copy + Default>(&self, stored: Vec<T>) -> Vec<T> {
+        let Some(parts) = &self.series.parts else { return stored };
+        let mut out = vec![T::default(); parts.cells()];
+        parts.expand(&stored, &mut out);
+        out
+    }
+
+    /// Mean and variance over time of every value of a step in the store, as [`Self::statistics`].
+    pub(super) fn stored_statistics(&self) -> FileResult<Option<VertexStatistics>> {
+        let spec = moments_array(self.series.count as u64);
+        let key = format!("{}/{}", self.info.group(), spec.name);
         let Series { root, source, .. } = &self.series;
         if !root.join(&key).join("zarr.json").is_file() {
             return Ok(None);
@@ -356,7 +420,7 @@ fn decode_magnitude(
 
 impl std::fmt::Debug for FieldReader {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let path = self.series.source.path(&format!("{FIELDS}/{}", self.info.folder));
+        let path = self.series.source.path(&self.info.group());
         f.debug_struct("FieldReader").field("name", &self.info.name).field("path", &path).finish_non_exhaustive()
     }
 }

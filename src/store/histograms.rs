@@ -1,6 +1,6 @@
 //! The stored histograms of a field.
 //!
-//! | array of `fields/FOLDER/histograms` | u64 counts |
+//! | array of `histograms` in a field's group | u64 counts |
 //! |---|---|
 //! | `scalar`, `cov` | [256] |
 //! | `scalar_gradient`, `scalar_cov` | [64, 256]: y, x |
@@ -18,7 +18,7 @@
 use super::FieldReader;
 use super::array::StoredArray;
 use super::field::StoredField;
-use super::layout::{self, DERIVED_ATTRIBUTE, FIELDS};
+use super::layout::{self, DERIVED_ATTRIBUTE};
 use super::mesh::{ArrayWriter, column};
 use crate::codec::{Chunking, ElementType, StepRequest};
 use crate::error::{FileError, FileResult};
@@ -70,11 +70,11 @@ impl FieldReader {
     fn keep_histograms(&self, histograms: &[Histogram]) -> FileResult<()> {
         let Some(of) = self.checksum() else { return Ok(()) };
         let staging = files::sibling_folder(&self.series.root, "tmp")?;
-        let folder = &self.info().folder;
-        write(staging.path(), folder, (self.step_count(), of), histograms)?;
+        let field = self.info().group();
+        write(staging.path(), &field, (self.step_count(), of), histograms)?;
         // Another series in the place of this one must not get them.
         self.series.source.check()?;
-        let key = format!("{FIELDS}/{folder}/{HISTOGRAMS}");
+        let key = format!("{field}/{HISTOGRAMS}");
         let (new, kept) = (staging.path().join(&key), self.series.root.join(&key));
         if fs::rename(&new, &kept).is_ok() {
             return Ok(());
@@ -111,7 +111,8 @@ impl FieldReader {
         cancel: &Cancel,
     ) -> FileResult<Option<Vec<Histogram>>> {
         let Some(cov) = self.coefficients_of_variation(cancel)? else { return Ok(None) };
-        of_series(kinds, mesh, &cov, self.info().range, self.step_count(), |step, out| {
+        let of = (self.info().values_of, self.info().range);
+        of_series(kinds, mesh, &cov, of, self.step_count(), |step, out| {
             Ok(self.decode_step_unless(StepRequest::whole(step, cancel), out)?.is_some())
         })
     }
@@ -122,7 +123,7 @@ impl FieldReader {
     }
 
     fn stored_histogram(&self, kind: &Kind<'_>) -> Option<Histogram> {
-        let key = format!("{FIELDS}/{}/{HISTOGRAMS}/{}", self.info().folder, kind.name());
+        let key = format!("{}/{HISTOGRAMS}/{}", self.info().group(), kind.name());
         let rank = kind.axes().count();
         let array = StoredArray::open(&self.series.root, &key, ElementType::U64, Chunking::Whole, rank).ok()?;
         let number = |name: &str| array.attributes.get(name).and_then(Value::as_u64);
@@ -149,17 +150,17 @@ impl FieldReader {
         }
     }
 
-    /// The coefficient of variation of every vertex with the usual denominator: from the store, its statistics, or all steps. `None` if
+    /// The coefficient of variation of every value of a step with the usual denominator: from the store, its statistics, or all steps. `None` if
     /// `cancel` was raised.
     fn coefficients_of_variation(&self, cancel: &Cancel) -> FileResult<Option<Vec<f32>>> {
-        if let Some(stored) = self.vertex_importance() {
+        if let Some(stored) = self.variation() {
             return Ok(Some(stored));
         }
-        let statistics = match self.vertex_statistics().ok().flatten() {
+        let statistics = match self.statistics().ok().flatten() {
             Some(statistics) => statistics,
             None => {
-                let mut moments = Moments::new(self.vertex_count());
-                let mut values = vec![0.0; self.vertex_count()];
+                let mut moments = Moments::new(self.value_count());
+                let mut values = vec![0.0; self.value_count()];
                 for step in 0..self.step_count() {
                     if self.decode_step_unless(StepRequest::whole(step, cancel), &mut values)?.is_none() {
                         return Ok(None);
@@ -193,8 +194,8 @@ fn range_of(value: &Value) -> Option<Option<[f32; 2]>> {
 }
 
 /// Writes the histograms of [`Kind::ALL`] with the number of steps and the checksum.
-fn write(root: &Path, folder: &str, (steps, of): (usize, u32), histograms: &[Histogram]) -> FileResult<()> {
-    let group = format!("{FIELDS}/{folder}/{HISTOGRAMS}");
+fn write(root: &Path, field: &str, (steps, of): (usize, u32), histograms: &[Histogram]) -> FileResult<()> {
+    let group = format!("{field}/{HISTOGRAMS}");
     layout::write_group(root, &group, &Map::new())?;
     let mut to = ArrayWriter::new(root, &group);
     for (kind, histogram) in Kind::ALL.iter().zip(histograms) {

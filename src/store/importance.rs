@@ -2,7 +2,7 @@
 //!
 //! | array of `lod/FOLDER` | |
 //! |---|---|
-//! | `global` | f32 [vertices]: coefficient of variation of every vertex over all steps, with the usual denominator; may be infinite |
+//! | `global` | f32 [vertices or cells of the source]: coefficient of variation of each over all steps, with the usual denominator; may be infinite |
 //! | `local_N` | u64 [N, 3]: first step, end and sampled step of N intervals |
 //!
 //! Rankings are not stored: two million faces take 8 MB, and rankings of six intervals and the whole would take more than 64 raw steps of
@@ -54,17 +54,17 @@ pub(super) fn write(root: &Path, folder: &str, moments: &Moments, statistics: &V
 }
 
 impl FieldReader {
-    /// The coefficient of variation of every vertex with the usual denominator, from the import; `None` if it is missing, damaged, or of
+    /// The coefficient of variation of every value of a step with the usual denominator, from the import; `None` if it is missing, damaged, or of
     /// another version or number of steps.
-    pub fn vertex_importance(&self) -> Option<Vec<f32>> {
+    pub fn variation(&self) -> Option<Vec<f32>> {
         let array = self.open_lod(GLOBAL, ElementType::F32, 1)?;
-        let array = array.expect_shape(&[self.vertex_count() as u64]).ok()?;
+        let array = array.expect_shape(&[self.stored_count() as u64]).ok()?;
         let values = array.read::<f32, 1>(&*self.series.source).ok()?.into_flattened();
         // No coefficient of variation is negative or NaN.
-        values.iter().all(|&cov| cov >= 0.0).then_some(values)
+        values.iter().all(|&cov| cov >= 0.0).then(|| self.expanded(values))
     }
 
-    /// The `count` intervals of the series that were chosen at import, as [`Self::vertex_importance`].
+    /// The `count` intervals of the series that were chosen at import, as [`Self::variation`].
     pub fn intervals(&self, count: usize) -> Option<Vec<Interval>> {
         let array = self.open_lod(&local(count), ElementType::U64, 2)?;
         let rows = array.read::<u64, 3>(&*self.series.source).ok()?;

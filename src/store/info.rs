@@ -4,6 +4,7 @@ use super::Store;
 use super::field::StoredField;
 use super::writer::bytes_on_disk;
 use crate::error::FileResult;
+use crate::field::Association;
 use crate::short::Short;
 use serde::Serialize;
 use std::fmt;
@@ -102,7 +103,8 @@ impl fmt::Display for StoreInfo {
         let [first, last] = [self.time.first, self.time.last].map(Short);
         writeln!(f, "time     {} steps, {first} to {last}", self.time.steps)?;
         for field in &self.fields {
-            write!(f, "field    {} ({}), {}", field.name, field.codec, range_text(field.range))?;
+            let of = if field.values_of == Association::Cell { " of cells" } else { "" };
+            write!(f, "field    {} ({}{of}), {}", field.name, field.codec, range_text(field.range))?;
             if let Some(units) = &field.units {
                 write!(f, " {units}")?;
             }

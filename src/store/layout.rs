@@ -21,8 +21,18 @@ pub(super) const DERIVED_ATTRIBUTE: &str = "derived_version";
 pub(super) const MESH: &str = "mesh/0";
 /// Group of the time axis.
 pub(super) const TIME: &str = "time";
-/// Group of the fields.
+/// Group of the fields of vertices.
 pub(super) const FIELDS: &str = "fields";
+/// Group of the fields of cells, which readers of version 1.0 do not look for; absent if there are none.
+pub(super) const CELL_FIELDS: &str = "cell_fields";
+
+/// The group of the fields of vertices or of cells.
+pub(super) const fn fields_of(association: Association) -> &'static str {
+    match association {
+        Association::Point => FIELDS,
+        Association::Cell => CELL_FIELDS,
+    }
+}
 
 /// Array of the checksums of the steps' values, by which a series is known again.
 pub(super) const CHECKSUM_PER_STEP: &str = "checksum_per_step";
@@ -69,6 +79,9 @@ pub(super) struct MeshAttributes {
     /// Corners of the bounding box in world coordinates.
     #[serde(default)]
     pub(super) bounds: Option<[[f64; 3]; 2]>,
+    /// Number of the source's cells, if several cells of the mesh are parts of one: so many values has a step of a field of cells.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) source_cells: Option<u64>,
 }
 
 /// Attributes of the group of fields.
@@ -78,6 +91,14 @@ pub(super) struct FieldsAttributes {
     pub(super) folders: Vec<String>,
 }
 
+/// Weights of the cells around a vertex in its mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MeanWeights {
+    /// The volumes of the cells.
+    Volume,
+}
+
 /// Attributes of a field.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct FieldAttributes {
@@ -85,6 +106,9 @@ pub(super) struct FieldAttributes {
     pub(super) name: String,
     /// Association of the values in the source.
     pub(super) association: Association,
+    /// How values of cells were brought to the vertices; absent where they were not, and for unweighted means of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) weights: Option<MeanWeights>,
     /// Unit of the values, if known.
     #[serde(default)]
     pub(super) units: Option<String>,

@@ -6,7 +6,8 @@ use super::layout::{self, DERIVED_ATTRIBUTE, DERIVED_VERSION, MESH, MeshAttribut
 use super::split_cells;
 use crate::codec::{ArraySpec, ChunkSink, Chunking, Element, ElementType, ReadRange, chunk_key, to_bytes};
 use crate::error::{FileError, FileResult};
-use crate::mesh::{Mesh, MeshError, Positions, RepairReport, Topology};
+use crate::field::Association;
+use crate::mesh::{Mesh, MeshError, Positions, RepairReport, SourceCells, Topology};
 use glam::{DVec3, Vec3};
 use serde_json::{Map, Value, json};
 use std::path::Path;
@@ -69,7 +70,9 @@ pub(super) fn column<T: Element>(values: &[T]) -> &[[T; 1]] {
 pub(super) fn write(root: &Path, mesh: &Mesh, report: &RepairReport) -> FileResult<u64> {
     let (lo, hi) = mesh.positions.world_bounds();
     let repair = serde_json::to_value(report).map_err(|e| FileError::invalid(root, MESH, e.to_string()))?;
-    let attributes = MeshAttributes { repair, bounds: Some([lo.to_array(), hi.to_array()]) };
+    let parts = SourceCells::of(&mesh.cell_source);
+    let source_cells = (!parts.are_whole()).then(|| parts.len() as u64);
+    let attributes = MeshAttributes { repair, bounds: Some([lo.to_array(), hi.to_array()]), source_cells };
     layout::write_group(root, MESH, &attributes)?;
 
     let Positions { origin, scale, local } = &mesh.positions;
@@ -119,15 +122,31 @@ impl StoredMesh {
             Some(topology) => topology,
             None => self.derive(root, source, &positions)?,
         };
-        let read = |name: &str, rows: u64| -> FileResult<Vec<u32>> {
-            let array = open_array(root, name, ElementType::U32, 1)?.expect_shape(&[rows])?;
-            Ok(array.read::<u32, 1>(source)?.into_flattened())
-        };
-        let vertex_source = read("vertex_permutation", self.vertices)?;
-        let cell_source = read("cell_permutation", self.cells)?;
+        let vertex_source = read_permutation(root, source, "vertex_permutation", self.vertices)?;
+        let cell_source = read_permutation(root, source, "cell_permutation", self.cells)?;
         let cell_turned = self.read_turned(root, source)?;
         let split_cells = split_cells::read(root, source, self.vertices)?;
         Ok(Mesh { topology, positions, vertex_source, cell_source, cell_turned, split_cells })
+    }
+
+    /// Number of values that fields of vertices, or of cells, have in a step.
+    pub(super) fn count(&self, values_of: Association) -> u64 {
+        match values_of {
+            Association::Point => self.vertices,
+            Association::Cell => self.attributes.source_cells.unwrap_or(self.cells),
+        }
+    }
+
+    /// The source's cells that the values of cells are of; `None` if those are whole cells of the mesh.
+    pub(super) fn parts(&self, root: &Path, source: &dyn ReadRange) -> FileResult<Option<SourceCells>> {
+        let Some(expected) = self.attributes.source_cells else { return Ok(None) };
+        let parts = SourceCells::of(&read_permutation(root, source, "cell_permutation", self.cells)?);
+        if parts.len() as u64 == expected {
+            return Ok(Some(parts));
+        }
+        let problem = format!("is of {} cells instead of {expected}", parts.len());
+        Err(FileError::invalid(root.join(MESH).join("cell_permutation"), "array", problem)
+            .remedy("import the series again"))
     }
 
     /// The cells whose orientation the import reversed: none if there is no such array.
@@ -175,6 +194,12 @@ impl StoredMesh {
 
 fn mesh_error(root: &Path, error: &MeshError) -> FileError {
     FileError::invalid(root, MESH, error.to_string()).remedy("import the series again")
+}
+
+/// Reads the sources of the mesh's vertices or cells.
+fn read_permutation(root: &Path, source: &dyn ReadRange, name: &str, rows: u64) -> FileResult<Vec<u32>> {
+    let array = open_array(root, name, ElementType::U32, 1)?.expect_shape(&[rows])?;
+    Ok(array.read::<u32, 1>(source)?.into_flattened())
 }
 
 /// Reads a derived array of the mesh; `None` if it is missing, damaged or of another version.

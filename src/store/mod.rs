@@ -5,6 +5,7 @@
 //! | `mesh/0` | `points` (local f32, with origin and scale), `tets`, `vertex_permutation`, `cell_permutation`; `cell_turned` where there are such; `source_points` where `points` does not give them back; `split_cells/types`, `vertices`, `sources` where the source has cells that are no tetrahedra; derived: `faces`, `face_cells`, `neighbours` |
 //! | `time` | `values` (f64), `mesh_index` |
 //! | `fields/FOLDER` | what the codec writes (`raw`: steps x vertices; group `vq`: see [`crate::codec::vq`]), `range_per_step` (NaN where a step has no finite value), `checksum_per_step` (CRC-32C of a step's values as f32, before the codec; not from older versions), `moments` (mean, variance, number of finite samples); with `vq` from 64 steps on `errors_per_step`, `errors_per_vertex` (of complete blocks, to go on from); derived, in the group `histograms`: `scalar`, `scalar_gradient`, `cov`, `scalar_cov` ([`crate::histograms`]; attribute `steps`) |
+//! | `cell_fields/FOLDER` | the same for fields of cells, absent if there are none; a value for each cell of the source, in the order in which the mesh has their first parts (`cell_permutation`) |
 //! | `lod/FOLDER` | derived: `global` (coefficient of variation of each vertex), `local_N` (N intervals: first step, end, sampled step); attribute `steps` |
 //!
 //! Codecs are the stock ones: little-endian bytes, then a CRC-32C. The metadata are of zarrs_metadata; the chunks are
@@ -38,7 +39,7 @@ pub use append::ResumedField;
 pub use field::{FieldReader, StoredField};
 pub(crate) use info::range_text;
 pub use info::{MeshInfo, StoreInfo, TimeInfo, VersionInfo};
-pub use layout::is_store;
+pub use layout::{MeanWeights, is_store};
 pub use lock::StoreLock;
 pub(crate) use lock::is_at;
 pub use source_points::SourcePoints;
@@ -46,13 +47,14 @@ pub use writer::{FieldDescription, FieldWriter, StoreWriter, WrittenField};
 
 use crate::codec::{BlockCache, Chunking, ElementType, ReadRange};
 use crate::error::{FileError, FileResult};
-use crate::field::{Component, FieldSelector, TimeAxis};
+use crate::field::{Association, Component, FieldSelector, TimeAxis};
 use crate::mesh::Mesh;
 use array::StoredArray;
 use field::Series;
 use folder::Folder;
 use glam::DVec3;
-use layout::{FIELDS, FieldsAttributes, RootAttributes, TIME};
+use layout::{CELL_FIELDS, FieldsAttributes, RootAttributes, TIME, fields_of};
+use mesh::StoredMesh;
 use refresh::{OpenedSeries, Stamp};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -147,19 +149,24 @@ impl Store {
             FileError::invalid(&self.root, "fields", problem)
         })?;
         // Both lengths were checked against the sizes of files.
-        let vertices = usize::try_from(self.series.mesh.vertices)
-            .map_err(|_| FileError::unsupported(&self.root, "mesh", "has too many vertices for this machine"))?;
+        let mesh = &self.series.mesh;
+        let count = usize::try_from(mesh.count(info.values_of))
+            .map_err(|_| FileError::unsupported(&self.root, "mesh", "has too many values for this machine"))?;
+        let parts = match info.values_of {
+            Association::Point => None,
+            Association::Cell => mesh.parts(&self.root, &*self.source)?.map(Arc::new),
+        };
         let components = components_of(self.fields(), info);
         let source = self.source_of(info, &components)?;
-        let series = Series { root: self.root.clone(), source, steps: self.times().len(), vertices, cache };
+        let series = Series { root: self.root.clone(), source, steps: self.times().len(), count, parts, cache };
         Ok(FieldReader::new(info.clone(), components, series))
     }
 
     /// Source of a field's chunks. A last short block is replaced when steps are added: its files are kept open.
     fn source_of(&self, info: &StoredField, components: &[StoredField]) -> FileResult<Arc<Folder>> {
         let fields = components.iter().chain([info]);
-        let (steps, vertices) = (self.times().len(), self.series.mesh.vertices as usize);
-        let unsettled = |field: &StoredField| field.unsettled_chunks(&self.source, steps, vertices);
+        let (steps, count) = (self.times().len(), self.series.mesh.count(info.values_of) as usize);
+        let unsettled = |field: &StoredField| field.unsettled_chunks(&self.source, steps, count);
         let keys: Vec<String> = fields.flat_map(unsettled).collect();
         if keys.is_empty() {
             return Ok(self.source.clone());
@@ -223,15 +230,31 @@ fn read_times(root: &Path, source: &dyn ReadRange) -> FileResult<TimeAxis> {
 }
 
 /// Opens all fields and links magnitudes to their components.
-fn open_fields(root: &Path, source: &Folder, steps: u64, vertices: u64) -> FileResult<Vec<StoredField>> {
-    let FieldsAttributes { folders } = layout::read_group(root, FIELDS)?;
-    let invalid = |problem: String| FileError::invalid(root.join(FIELDS), "attributes", problem);
-    let mut fields = Vec::new();
+fn open_fields(root: &Path, source: &Folder, steps: u64, mesh: &StoredMesh) -> FileResult<Vec<StoredField>> {
+    let mut fields = open_fields_of(Association::Point, root, source, steps, mesh)?;
+    if root.join(CELL_FIELDS).join("zarr.json").is_file() {
+        fields.extend(open_fields_of(Association::Cell, root, source, steps, mesh)?);
+    }
+    Ok(fields)
+}
+
+/// Opens the fields of vertices or of cells.
+fn open_fields_of(
+    values_of: Association,
+    root: &Path,
+    source: &Folder,
+    steps: u64,
+    mesh: &StoredMesh,
+) -> FileResult<Vec<StoredField>> {
+    let group = fields_of(values_of);
+    let FieldsAttributes { folders } = layout::read_group(root, group)?;
+    let invalid = |problem: String| FileError::invalid(root.join(group), "attributes", problem);
+    let mut fields: Vec<StoredField> = Vec::new();
     for folder in &folders {
         if !names::is_plain(folder) {
             return Err(invalid(format!("'{folder}' is no folder name")));
         }
-        fields.push(StoredField::open(root, source, folder, steps, vertices)?);
+        fields.push(StoredField::open(root, source, (values_of, folder), [steps, mesh.count(values_of)])?);
     }
     for i in 0..fields.len() {
         let mut components = Vec::new();

@@ -117,7 +117,7 @@ impl OpenedSeries {
         let source = Folder::new(root);
         let mesh = StoredMesh::open(root, &source)?;
         let times = read_times(root, &source)?;
-        let fields = open_fields(root, &source, times.len() as u64, mesh.vertices)?;
+        let fields = open_fields(root, &source, times.len() as u64, &mesh)?;
         let mesh_checksums = mesh_checksums(&source);
         Ok(Self { mesh, mesh_checksums, times, fields, found_in: Mutex::new(stamp.id()) })
     }
@@ -136,7 +136,7 @@ impl OpenedSeries {
         }
         let identity = |f: &StoredField| {
             let codec = (f.codec.clone(), f.coding().and_then(|coding| coding.choice()));
-            (f.name.clone(), f.folder.clone(), codec, f.association)
+            (f.name.clone(), f.folder.clone(), codec, f.association, f.values_of)
         };
         if !self.fields.iter().map(identity).eq(new.fields.iter().map(identity)) {
             return other("other fields");

@@ -5,8 +5,8 @@ use super::array::write_metadata;
 use super::folder::{FolderSink, walk};
 use super::importance;
 use super::layout::{
-    self, CHECKSUM_PER_STEP, ERRORS_PER_STEP, ERRORS_PER_VERTEX, FIELDS, FieldAttributes, FieldsAttributes,
-    RootAttributes, TIME, moments_array,
+    self, CHECKSUM_PER_STEP, ERRORS_PER_STEP, ERRORS_PER_VERTEX, FieldAttributes, FieldsAttributes, MeanWeights,
+    RootAttributes, TIME, fields_of, moments_array,
 };
 use super::mesh::{self, ArrayWriter, column};
 use super::names::FolderNames;
@@ -29,6 +29,10 @@ pub struct FieldDescription {
     pub name: String,
     /// Association of the values in the source.
     pub association: Association,
+    /// What has the values that are written: vertices or cells.
+    pub values_of: Association,
+    /// How those of cells were brought to vertices, if they were.
+    pub weights: Option<MeanWeights>,
     /// Unit of the values, if known.
     pub units: Option<String>,
 }
@@ -38,7 +42,7 @@ pub struct FieldDescription {
 pub struct StoreWriter {
     pub(super) staging: Staging,
     names: FolderNames,
-    pub(super) folders: Vec<String>,
+    pub(super) folders: Vec<(Association, String)>,
     /// Number of appends.
     pub(super) revision: u64,
     /// The store that is being continued, with its state: it must not have changed meanwhile.
@@ -109,9 +113,9 @@ impl StoreWriter {
 
     fn field(&mut self, description: FieldDescription, content: Content) -> FieldWriter {
         let folder = self.names.give(&description.name);
-        self.folders.push(folder.clone());
+        self.folders.push((description.values_of, folder.clone()));
         let root = self.staging.path().to_owned();
-        let sink = FolderSink::new(root.join(FIELDS).join(&folder));
+        let sink = FolderSink::new(root.join(fields_of(description.values_of)).join(&folder));
         let checksums = Some(Vec::new());
         FieldWriter { root, folder, description, content, checksums, sink }
     }
@@ -123,7 +127,13 @@ impl StoreWriter {
     /// If a file cannot be written, the target was taken, or the continued store was changed meanwhile.
     pub fn finish(self, source: &str, notes: Vec<String>) -> FileResult<u64> {
         let root = self.staging.path();
-        layout::write_group(root, FIELDS, &FieldsAttributes { folders: self.folders.clone() })?;
+        for of in [Association::Point, Association::Cell] {
+            let folders = self.folders.iter().filter(|(values_of, _)| *values_of == of);
+            let folders: Vec<String> = folders.map(|(_, folder)| folder.clone()).collect();
+            if of == Association::Point || !folders.is_empty() {
+                layout::write_group(root, fields_of(of), &FieldsAttributes { folders })?;
+            }
+        }
         let attributes = RootAttributes {
             tetreel_store: layout::store_version(),
             tetreel: env!("CARGO_PKG_VERSION").to_owned(),
@@ -178,7 +188,7 @@ impl FieldWriter {
         &self.description.name
     }
 
-    /// Takes the values of the next step, one per vertex. A magnitude's values are not stored.
+    /// Takes the values of the next step, one per vertex or cell of the source. A magnitude's values are not stored.
     ///
     /// # Errors
     /// If a file cannot be written.
@@ -197,7 +207,7 @@ impl FieldWriter {
     /// # Errors
     /// If a file cannot be written.
     pub fn finish(mut self, moments: &Moments) -> FileResult<WrittenField> {
-        let group = format!("{FIELDS}/{}", self.folder);
+        let group = format!("{}/{}", fields_of(self.description.values_of), self.folder);
         let (codec, magnitude_of, encoded) = match self.content {
             Content::Encoded(encoder) => (encoder.name(), Vec::new(), encoder.finish(&mut self.sink)?),
             Content::MagnitudeOf(components) => {
@@ -212,6 +222,7 @@ impl FieldWriter {
         let attributes = FieldAttributes {
             name: self.description.name,
             association: self.description.association,
+            weights: self.description.weights,
             units: self.description.units,
             codec: codec.to_owned(),
             codec_parameters: encoded.parameters,

@@ -1,6 +1,7 @@
 //! The point under the mouse, and its value over the series: on threads of its own.
 
 use super::worker::{BLOCK_BYTES, SeriesPipeline, Slot, Worker};
+use crate::field::Association;
 use crate::pipeline::{Backend, FrameRequest, Pipeline, PipelineError, Series, TetDraw};
 use crate::render::probe::{Probe, interpolate, probe};
 use crate::task::Cancel;
@@ -144,13 +145,16 @@ impl Curve {
             self.is_over = true;
             return show(Arc::new(self));
         };
-        let mut scalars = vec![0.0; series.vertices()];
+        let mut scalars = vec![0.0; series.scalar_count()];
         let mut shown = Instant::now();
         show(Arc::new(self.clone()));
         while self.done < self.values.len() {
             match series.decode_step(self.done, &mut scalars, cancel) {
                 Ok(true) => {
-                    let value = interpolate(self.weights, tet.map(|v| scalars[v as usize]));
+                    let value = match series.association() {
+                        Association::Point => interpolate(self.weights, tet.map(|v| scalars[v as usize])),
+                        Association::Cell => f64::from(scalars[self.cell as usize]),
+                    };
                     self.values[self.done] = value as f32;
                 }
                 Ok(false) => return,

@@ -123,7 +123,7 @@ fn a_curve_is_each_step_decoded_whole_and_mixed_in_f64() {
         assert_eq!((curve.cell, curve.weights, curve.done, curve.failed), (cell, weights, 4, 0));
         let corner = series.mesh().topology.tets[cell as usize];
         for (step, value) in curve.values.iter().enumerate() {
-            let mut whole = vec![0.0; series.vertices()];
+            let mut whole = vec![0.0; series.scalar_count()];
             assert!(series.decode_step(step, &mut whole, &Cancel::new()).unwrap());
             let [a, b, c, d] = corner.map(|v| f64::from(whole[v as usize]));
             let by_hand = a + (weights[1] * (b - a) + weights[2] * (c - a) + weights[3] * (d - a));

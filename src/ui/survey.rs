@@ -152,7 +152,7 @@ impl Gate {
 fn look(series: &Arc<Series>, gate: &Gate, cancel: &Cancel, show: &dyn Fn(Arc<Surveyed>)) {
     let apart = series.apart(BLOCK_BYTES);
     let mut known = Surveyed::begin(series);
-    let mut values = vec![0.0; series.vertices()];
+    let mut values = vec![0.0; series.scalar_count()];
     let mut shown: Option<Instant> = None;
     let block = series.field().coding().map_or(1, |coding| coding.codec().block_steps);
     for step in order(series.times().len(), block) {
@@ -248,7 +248,7 @@ mod tests {
         assert_eq!((known.done, known.total, known.failed, known.problem.as_ref()), (4, 4, 0, None));
         let mut all = nothing(series.field().range);
         for (step, found) in known.steps.iter().enumerate() {
-            let mut values = vec![0.0; series.vertices()];
+            let mut values = vec![0.0; series.scalar_count()];
             assert!(series.decode_step(step, &mut values, &Cancel::new()).unwrap());
             let found = found.as_ref().unwrap();
             assert_eq!(found.summary, StepSummary::of(&values));
@@ -257,7 +257,7 @@ mod tests {
             all.add(&values);
         }
         assert_eq!(known.histogram, all);
-        assert_eq!(all.finite(), 4 * series.vertices() as u64);
+        assert_eq!(all.finite(), 4 * series.scalar_count() as u64);
         assert_ne!(known.steps[0], known.steps[3], "the test can fail");
     }
 

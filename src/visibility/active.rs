@@ -14,6 +14,7 @@ use super::id_set::fill_words;
 use super::moved::{Differences, WordRanges};
 use super::transparent::{HOLE, Label, TransparentIntervals, VISIBLE};
 use super::{CellSet, Clusters, Pool};
+use crate::field::Scalars;
 use crate::mesh::{Mesh, Topology};
 use crate::slowdown::{Slow, waste};
 use crate::task::Cancel;
@@ -24,7 +25,7 @@ use std::sync::{Arc, Weak};
 /// The visible cells of a mesh at one step.
 #[derive(Clone, Debug)]
 pub struct Activity {
-    /// The cells with four finite scalars.
+    /// The cells with finite scalars.
     pub finite: Arc<CellSet>,
     /// The finite cells in which the table has extinction; the same [`Arc`] if these are all of them.
     pub active: Arc<CellSet>,
@@ -65,24 +66,28 @@ struct Last {
 }
 
 impl ActiveCells {
-    /// Finds the cells that are visible where the table is not `transparent`; `None` if `cancel` was raised. `scalars`: one per vertex.
-    /// `clusters`: those of the mesh. `known` goes with the transparent intervals: the label of each cluster of vertices whose scalars must
+    /// Finds the cells that are visible where the table is not `transparent`; `None` if `cancel` was raised. `clusters`: those of the mesh. `known` goes with the transparent intervals: the label of each cluster of vertices whose scalars must
     /// not be read, as [`TransparentIntervals::label_of_range`] gives it, for a range that holds all of its scalars; empty for none.
     ///
     /// With `forget`, nothing is reused from before.
     ///
     /// # Panics
-    /// If there is not one scalar per vertex.
+    /// If there is not one scalar per vertex or cell.
     pub fn update(
         &mut self,
         mesh: &Arc<Mesh>,
         clusters: &Arc<Clusters>,
-        scalars: &Arc<Vec<f32>>,
+        scalars: &Scalars,
         (transparent, known): (&Arc<TransparentIntervals>, &[Option<Label>]),
         forget: bool,
         cancel: &Cancel,
     ) -> Option<Activity> {
-        assert_eq!(scalars.len(), mesh.positions.local.len(), "one scalar per vertex");
+        let expected = match scalars {
+            Scalars::Vertices(_) => mesh.positions.local.len(),
+            Scalars::Cells(_) => mesh.topology.tets.len(),
+        };
+        let values = scalars.values();
+        assert_eq!(values.len(), expected, "one scalar per vertex or cell");
         if forget {
             self.last = None;
         }
@@ -90,19 +95,24 @@ impl ActiveCells {
             let (all, clusters) = (Arc::new(CellSet::all(mesh.topology.tets.len())), clusters.clone());
             *self = Self { of: Arc::downgrade(mesh), clusters, all, ..Self::default() };
         }
-        let of_these = self.last.as_ref().filter(|last| last.scalars.as_ptr() == Arc::as_ptr(scalars));
+        let of_these = self.last.as_ref().filter(|last| last.scalars.as_ptr() == Arc::as_ptr(values));
         if let Some(last) = of_these
             && (Arc::ptr_eq(&last.transparent, transparent) || last.transparent == *transparent)
         {
             return Some(Activity { classified: 0, ..last.activity.clone() });
         }
-        let differences = of_these.and_then(|last| Differences::between(&last.transparent, transparent));
-        self.label(scalars, transparent, known);
-        let activity = self.find(&mesh.topology, differences.map(|differences| (scalars, differences)), cancel);
+        let activity = match scalars {
+            Scalars::Vertices(scalars) => {
+                let differences = of_these.and_then(|last| Differences::between(&last.transparent, transparent));
+                self.label(scalars, transparent, known);
+                self.find(&mesh.topology, differences.map(|differences| (scalars, differences)), cancel)
+            }
+            Scalars::Cells(scalars) => Some(self.find_by_cell(scalars, transparent)),
+        };
         waste(Slow::ActiveCells, mesh.topology.tets.len());
         // The labels have changed: sets found for the previous ones no longer match.
         self.last = activity.clone().map(|activity| Last {
-            scalars: Arc::downgrade(scalars),
+            scalars: Arc::downgrade(values),
             transparent: transparent.clone(),
             activity,
         });
@@ -131,6 +141,33 @@ impl ActiveCells {
             ClusterState { label: is_one.then_some(first), has_holes, changed: is_new || labels != before }
         });
         states.collect_into_vec(&mut self.states);
+    }
+
+    /// Finds the cells of scalars that cells have: each has a label of its own.
+    fn find_by_cell(&mut self, scalars: &[f32], transparent: &TransparentIntervals) -> Activity {
+        let Self { all, labels, last, pool, .. } = self;
+        labels.resize(scalars.len(), VISIBLE);
+        let chunks = labels.par_chunks_mut(Clusters::CELLS).zip(scalars.par_chunks(Clusters::CELLS));
+        chunks.for_each(|(labels, scalars)| transparent.label_all(scalars, labels));
+        let mut find = |before: Option<&Arc<CellSet>>, is_member: fn(Label) -> bool| {
+            let set = pool.make(|set| {
+                set.resize(labels.len());
+                let words = set.words_mut().par_iter_mut().zip(labels.par_chunks(64)).with_min_len(64);
+                words.for_each(|(word, labels)| {
+                    let bits = (0..).zip(labels).map(|(at, &label)| u64::from(is_member(label)) << at);
+                    *word = bits.fold(0, |word, bit| word | bit);
+                });
+            });
+            [before, Some(&*all)].into_iter().flatten().find(|known| ***known == *set).cloned().unwrap_or(set)
+        };
+        let before = last.as_ref().map(|last| &last.activity);
+        let finite = find(before.map(|before| &before.finite), |label| label != HOLE);
+        let active = find(before.map(|before| &before.active), |label| label == VISIBLE);
+        let active = if active == finite { finite.clone() } else { active };
+        let classified = labels.len() as u64;
+        // They are of no use to a later update by labels of vertices.
+        labels.clear();
+        Activity { finite, active, classified }
     }
 
     /// Finds the cells of the current labels. `moved`: the scalars, if they are unchanged, and the differences of the intervals.

@@ -58,7 +58,7 @@ fn clusters(mesh: &Mesh) -> Arc<Clusters> {
 
 fn update(cells: &mut ActiveCells, mesh: &Arc<Mesh>, scalars: &Arc<Vec<f32>>, table: &NodeTable) -> Activity {
     let transparent = Arc::new(TransparentIntervals::of(table));
-    cells.update(mesh, &clusters(mesh), scalars, (&transparent, &[]), false, &Cancel::new()).unwrap()
+    cells.update(mesh, &clusters(mesh), &scalars.clone().into(), (&transparent, &[]), false, &Cancel::new()).unwrap()
 }
 
 proptest! {
@@ -134,7 +134,7 @@ proptest! {
                     if random.below(2) == 0 { f64::from(places[random.below(7)]) } else { random.signed() }
                 }).collect();
                 let transparent = Arc::new(TransparentIntervals::of(&table).cut_at(&isovalues));
-                let found = cells.update(&mesh, &clusters, &scalars, (&transparent, &[]), false, &Cancel::new()).unwrap();
+                let found = cells.update(&mesh, &clusters, &scalars.clone().into(), (&transparent, &[]), false, &Cancel::new()).unwrap();
                 prop_assert!(*found.active == by_label(&mesh, &scalars, &transparent));
                 prop_assert!(*found.finite == naive(&mesh, &scalars, None));
             }
@@ -150,7 +150,9 @@ fn an_isovalue_that_moves_costs_the_cells_near_it() {
     let mut cells = ActiveCells::default();
     let mut update = |isovalue: f64| {
         let transparent = Arc::new(nowhere.cut_at(&[isovalue]));
-        let found = cells.update(&mesh, &clusters, &scalars, (&transparent, &[]), false, &Cancel::new()).unwrap();
+        let found = cells
+            .update(&mesh, &clusters, &scalars.clone().into(), (&transparent, &[]), false, &Cancel::new())
+            .unwrap();
         assert_eq!(*found.active, by_label(&mesh, &scalars, &transparent));
         found.classified
     };
@@ -181,7 +183,9 @@ fn only_clusters_in_which_something_changed_are_looked_at_again() {
     // Nothing is reused if `forget` is set.
     let scalars = wave(&mesh, 24.0);
     let transparent = Arc::new(TransparentIntervals::of(&tent));
-    let fresh = cells.update(&mesh, &clusters(&mesh), &scalars, (&transparent, &[]), true, &Cancel::new()).unwrap();
+    let fresh = cells
+        .update(&mesh, &clusters(&mesh), &scalars.clone().into(), (&transparent, &[]), true, &Cancel::new())
+        .unwrap();
     assert!(fresh.classified > 0);
     assert_eq!(*fresh.active, naive(&mesh, &scalars, Some(&tent)));
 }
@@ -234,7 +238,7 @@ fn chunks_whose_label_is_known_are_not_looked_at() {
     }
     let known: Vec<_> = labels.iter().zip(&needed).map(|(&label, &needed)| label.filter(|_| !needed)).collect();
     let found = cells
-        .update(&mesh, &clusters(&mesh), &Arc::new(partial), (&transparent, &known), false, &Cancel::new())
+        .update(&mesh, &clusters(&mesh), &Arc::new(partial).into(), (&transparent, &known), false, &Cancel::new())
         .unwrap();
     assert_eq!(*found.active, naive(&mesh, &whole, Some(&tent)));
 }
@@ -264,7 +268,14 @@ fn an_isovalue_moves_over_chunks_that_are_known_by_their_least_scalar() {
     let (partial, mut cells) = (Arc::new(partial), ActiveCells::default());
     for transparent in &all {
         let found = cells
-            .update(&mesh, &clusters, &partial, (transparent, &known(transparent)), false, &Cancel::new())
+            .update(
+                &mesh,
+                &clusters,
+                &partial.clone().into(),
+                (transparent, &known(transparent)),
+                false,
+                &Cancel::new(),
+            )
             .unwrap();
         assert_eq!(*found.active, by_label(&mesh, &whole, transparent));
         assert!(found.active.count() > 0);
@@ -277,8 +288,12 @@ fn a_cancelled_update_leaves_nothing_behind() {
     let mut cells = ActiveCells::default();
     let (transparent, cancel) = (Arc::new(TransparentIntervals::of(&tent)), Cancel::new());
     cancel.cancel();
-    assert!(cells.update(&mesh, &clusters(&mesh), &wave(&mesh, 8.0), (&transparent, &[]), false, &cancel).is_none());
+    assert!(
+        cells.update(&mesh, &clusters(&mesh), &wave(&mesh, 8.0).into(), (&transparent, &[]), false, &cancel).is_none()
+    );
     let scalars = wave(&mesh, 8.0);
-    let found = cells.update(&mesh, &clusters(&mesh), &scalars, (&transparent, &[]), false, &Cancel::new()).unwrap();
+    let found = cells
+        .update(&mesh, &clusters(&mesh), &scalars.clone().into(), (&transparent, &[]), false, &Cancel::new())
+        .unwrap();
     assert_eq!(*found.active, naive(&mesh, &scalars, Some(&tent)));
 }

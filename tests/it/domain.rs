@@ -101,7 +101,7 @@ fn it_has_the_colours_of_the_field_also_where_the_volume_is_clear() {
             })
         };
         let Some(tet) = mesh.topology.tets.iter().find(inside) else { continue };
-        let range = tet.map(|v| f64::from(scalars[v as usize]));
+        let range = tet.map(|v| f64::from(scalars.values()[v as usize]));
         let (least, most) = range.iter().fold((f64::MAX, f64::MIN), |(lo, hi), s| (lo.min(*s), hi.max(*s)));
         let [a, b] = [least, most].map(|scalar| formula.eval(scalar).0);
         let color = found.color.pixels[pixel];

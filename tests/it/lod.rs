@@ -26,7 +26,7 @@ fn dipole(steps: usize) -> impl SeriesSource {
 fn statistics(store: &Store) -> (VertexStatistics, [f32; 2]) {
     let field = &store.fields()[0];
     let reader = store.field(&FieldSelector { name: field.name.clone(), component: None }).unwrap();
-    (reader.vertex_statistics().unwrap().unwrap(), field.range.unwrap())
+    (reader.statistics().unwrap().unwrap(), field.range.unwrap())
 }
 
 /// Of the tenth of the vertices with the greatest coefficients, the share whose deviation is below 0.1 % of the range.
@@ -110,12 +110,12 @@ fn rankings_are_shared_within_an_interval_and_differ_between_them() {
     // What they are made of.
     let topology = &series.mesh().topology;
     let reader = store.field(&"potential".parse().unwrap()).unwrap();
-    let mut scalars = vec![0.0; reader.vertex_count()];
+    let mut scalars = vec![0.0; reader.value_count()];
     let sampled = reader.intervals(6).unwrap()[1].sampled;
     assert_eq!(sampled, 7);
     reader.decode_step(sampled, &mut scalars).unwrap();
     assert_eq!(*at(5, local), Ranking::by_strata(topology, &scalars));
-    let stored = importance(topology, &reader.vertex_importance().unwrap());
+    let stored = importance(topology, &reader.variation().unwrap());
     assert_eq!(*at(0, GLOBAL), Ranking::by_importance(topology, &stored));
     // Nothing is left undone silently.
     let cancel = Cancel::new();
@@ -138,7 +138,7 @@ fn what_the_store_has_not_is_computed_and_never_an_error() {
     let has = |path: &Path| {
         let store = Store::open(path).unwrap();
         let reader = store.field(&"potential".parse().unwrap()).unwrap();
-        (reader.vertex_importance().is_some(), reader.intervals(Partition::USUAL).is_some())
+        (reader.variation().is_some(), reader.intervals(Partition::USUAL).is_some())
     };
     assert_eq!(has(&path), (true, true));
     let group = path.join("lod/potential");
@@ -188,7 +188,7 @@ fn appended_steps_leave_nothing_stale() {
     assert_ne!(rankings(&Series::open(&expected, None).unwrap(), &SAMPLINGS[2..3]), old, "the comparison notices");
     let reader = Store::open(&path).unwrap().field(&"potential".parse().unwrap()).unwrap();
     assert_eq!(reader.intervals(6).unwrap().last().unwrap().end, 40);
-    assert!(reader.vertex_importance().is_some());
+    assert!(reader.variation().is_some());
 }
 
 #[test]

@@ -251,7 +251,7 @@ mod gpu {
         pipeline.choose_gpu(named.clone());
         assert!(pipeline.render(&request).unwrap().stats.on_gpu);
         let scalars = pipeline.prepare(&request).unwrap().scalars;
-        let greatest = scalars.iter().copied().fold(f32::MIN, f32::max);
+        let greatest = scalars.values().iter().copied().fold(f32::MIN, f32::max);
         let surfaces = vec![Isosurface::new(0.5 * f64::from(greatest))];
         for (volume, mode) in [(true, TetDraw::default()), (false, TetDraw::default()), (false, TetDraw::ALL_FACES)] {
             let lit = request.clone().with_tets(|tets| {

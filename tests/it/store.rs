@@ -3,6 +3,7 @@
 
 mod append;
 mod blocks;
+mod cells;
 mod damage;
 mod growing;
 mod histograms;

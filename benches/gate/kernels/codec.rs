@@ -147,7 +147,8 @@ impl OneField {
         store.write_mesh(&jet.mesh, &Default::default())?;
         store.write_times(&TimeAxis { values: (0..steps).map(|step| step as f64).collect() })?;
         let vertices = jet.mesh.vertex_source.len();
-        let description = FieldDescription { name: "f".to_owned(), association: Association::Point, units: None };
+        let (association, values_of) = (Association::Point, Association::Point);
+        let description = FieldDescription { name: "f".to_owned(), association, values_of, weights: None, units: None };
         let field = store.begin_field(description, Box::new(RawEncoder::new(vertices)));
         Ok(Self { store, field, moments: Moments::new(vertices) })
     }

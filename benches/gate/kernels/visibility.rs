@@ -35,7 +35,8 @@ pub fn active_cells(_: &Path) -> Result<Work, Box<dyn Error>> {
     let mut cells = ActiveCells::default();
     Ok(Box::new(move || {
         for scalars in jet.scalars.iter().cycle().take(30) {
-            let found = cells.update(&jet.mesh, &clusters, scalars, (&transparent, &[]), false, &Cancel::new());
+            let found =
+                cells.update(&jet.mesh, &clusters, &scalars.clone().into(), (&transparent, &[]), false, &Cancel::new());
             black_box(found.ok_or("cancelled")?);
         }
         Ok(())

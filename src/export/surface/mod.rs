@@ -1,6 +1,6 @@
 //! Isosurfaces, plane sections and the boundary of a series as files of triangles: `.vtp` (VTK's XML PolyData) and `.ply`.
 //!
-//! Points are in world coordinates, f64, in the file's units; fields are f32 per point. `mesh::contour` defines the surfaces, their
+//! Points are in world coordinates, f64, in the file's units; fields are f32 per point, or per triangle if cells have the values. `mesh::contour` defines the surfaces, their
 //! orientation, and the case of a vertex with exactly the isovalue. A cell is a hole at a step where a selected field is not finite at one
 //! of its vertices.
 
@@ -12,7 +12,7 @@ mod vtp;
 use super::stored::{Group, chosen};
 use super::vtu::choose_steps;
 use crate::error::{FileError, FileResult};
-use crate::field::FieldSelector;
+use crate::field::{Association, FieldSelector};
 use crate::render::surfaces::Cut;
 use crate::short::Short;
 use crate::store::{Store, StoredField};
@@ -186,6 +186,11 @@ fn scalar(store: &Store, selectors: &[FieldSelector]) -> FileResult<Group> {
             return Err(unsupported("an isosurface is of one field").remedy(remedy));
         }
     };
+    if one.info.association == Association::Cell {
+        let error =
+            unsupported(&format!("'{}' has values of cells, constant in each, and so no isosurfaces", one.info.name));
+        return Err(error.remedy("import the series with --cells-to-points"));
+    }
     // Elsewhere a vector's name alone means its magnitude.
     let asked = selectors.first().filter(|asked| asked.component.is_none() && asked.name != one.info.name);
     if one.components.len() != 1 || asked.is_some() {

@@ -1,9 +1,10 @@
 //! One `.ply` file, binary and little-endian: vertices with `x`, `y`, `z` as double and field components as float, faces with
-//! `vertex_indices`, and `isovalue` as double for isosurfaces.
+//! `vertex_indices`, `isovalue` as double for isosurfaces, and components of fields of cells as float.
 
 use super::step::StepSurface;
 use crate::error::FileResult;
 use crate::export::appended::{self, Values};
+use crate::field::Association;
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -32,23 +33,31 @@ fn head(surface: &StepSurface) -> String {
         surface.time,
         surface.points.len()
     );
-    for name in property_names(&surface.fields) {
-        head += &format!("property float {name}\n");
-    }
+    let names = property_names(&surface.fields);
+    let of = surface.fields.iter().flat_map(|field| vec![field.info.association; field.components.len()]);
+    let properties = |wanted: Association| {
+        let named = names.iter().zip(of.clone()).filter(move |(_, of)| *of == wanted);
+        named.map(|(name, _)| format!("property float {name}\n")).collect::<String>()
+    };
+    head += &properties(Association::Point);
     head += &format!("element face {}\nproperty list uchar uint vertex_indices\n", surface.triangles.len());
     if surface.is_isosurface {
         head += "property double isovalue\n";
     }
+    head += &properties(Association::Cell);
     head + "end_header\n"
 }
 
 fn body(out: &mut impl Write, surface: &StepSurface) -> io::Result<()> {
-    let components: Vec<&Vec<f32>> = surface.fields.iter().flat_map(|field| &field.components).collect();
+    let components = |of: Association| -> Vec<&Vec<f32>> {
+        surface.fields.iter().filter(|field| field.info.association == of).flat_map(|field| &field.components).collect()
+    };
+    let (of_points, of_triangles) = (components(Association::Point), components(Association::Cell));
     for (i, point) in surface.points.iter().enumerate() {
         for coordinate in point.to_array() {
             out.write_all(&coordinate.to_le_bytes())?;
         }
-        for values in &components {
+        for values in &of_points {
             out.write_all(&values[i].to_le_bytes())?;
         }
     }
@@ -59,6 +68,9 @@ fn body(out: &mut impl Write, surface: &StepSurface) -> io::Result<()> {
         }
         if surface.is_isosurface {
             out.write_all(&surface.isovalues[i].to_le_bytes())?;
+        }
+        for values in &of_triangles {
+            out.write_all(&values[i].to_le_bytes())?;
         }
     }
     Ok(())

@@ -4,7 +4,7 @@ use super::{Shape, SurfaceError};
 use crate::error::{FileError, FileResult};
 use crate::export::appended::Values;
 use crate::export::stored::Group;
-use crate::field::FieldInfo;
+use crate::field::{Association, FieldInfo};
 use crate::mesh::contour::{Domain, Surface};
 use crate::mesh::{Plane, Positions, Topology};
 use crate::render::surfaces::Cut;
@@ -25,7 +25,7 @@ pub(super) struct StepSurface {
     pub is_isosurface: bool,
     /// Isovalue of each triangle of isosurfaces.
     pub isovalues: Vec<f64>,
-    /// Field values per point.
+    /// Field values per point, and per triangle for fields of cells.
     pub fields: Vec<Values>,
     /// Number of triangles left out because their area is zero.
     pub dropped: u64,
@@ -38,7 +38,9 @@ pub(super) struct Steps<'a> {
     topology: Topology,
     points: Vec<DVec3>,
     fields: Vec<(FieldInfo, Vec<Component>)>,
+    /// Whether each vertex, and each cell, lacks a finite value; the latter is empty without fields of cells.
     missing: Vec<bool>,
+    missing_cells: Vec<bool>,
 }
 
 /// A component of a field: its reader, and its values at the current step.
@@ -65,21 +67,34 @@ impl<'a> Steps<'a> {
             Shape::Boundary => Cuts::Boundary,
             Shape::Plane(plane) => Cuts::Plane(distances(plane, &points, &positions)?),
         };
-        let buffered = |reader: FieldReader| (reader, vec![0.0; points.len()]);
+        let buffered = |reader: FieldReader| {
+            let values = vec![0.0; reader.value_count()];
+            (reader, values)
+        };
+        let has_cells = groups.iter().any(|group| group.info.association == Association::Cell);
+        let missing_cells = vec![false; if has_cells { topology.tets.len() } else { 0 }];
         let field = |group: Group| (group.info, group.components.into_iter().map(buffered).collect());
         let fields = groups.into_iter().map(field).collect();
-        Ok(Self { store, cuts, topology, missing: vec![false; points.len()], points, fields })
+        Ok(Self { store, cuts, topology, missing: vec![false; points.len()], missing_cells, points, fields })
     }
 
     /// The surface of a step of the series.
     pub fn surface(&mut self, step: usize) -> FileResult<StepSurface> {
         self.missing.fill(false);
-        for (reader, values) in self.fields.iter_mut().flat_map(|(_, components)| components) {
-            reader.decode_step(step, values)?;
-            let pairs = self.missing.par_iter_mut().with_min_len(1 << 14).zip(&*values);
-            pairs.for_each(|(missing, value)| *missing |= !value.is_finite());
+        self.missing_cells.fill(false);
+        for (info, components) in &mut self.fields {
+            let missing = match info.association {
+                Association::Point => &mut self.missing,
+                Association::Cell => &mut self.missing_cells,
+            };
+            for (reader, values) in components {
+                reader.decode_step(step, values)?;
+                let pairs = missing.par_iter_mut().with_min_len(1 << 14).zip(&*values);
+                pairs.for_each(|(missing, value)| *missing |= !value.is_finite());
+            }
         }
-        let domain = Domain { topology: &self.topology, points: &self.points, missing: &self.missing };
+        let Self { topology, points, missing, missing_cells, .. } = &*self;
+        let domain = Domain { topology, points, missing, missing_cells };
         let mut out = StepSurface { time: self.store.times().values[step], ..StepSurface::default() };
         out.is_isosurface = matches!(self.cuts, Cuts::Isovalues(_));
         out.fields = self.fields.iter().map(|(info, _)| Values::empty(info.clone())).collect();
@@ -106,10 +121,15 @@ impl<'a> Steps<'a> {
             return Err(error.remedy("write fewer isovalues at a time"));
         };
         let mut values = Vec::new();
-        for ((_, components), field) in self.fields.iter().zip(&mut out.fields) {
-            for ((_, of_vertices), of_points) in components.iter().zip(&mut field.components) {
-                surface.interpolate(of_vertices, &mut values);
-                of_points.extend_from_slice(&values);
+        for ((info, components), field) in self.fields.iter().zip(&mut out.fields) {
+            for ((_, found), out) in components.iter().zip(&mut field.components) {
+                match info.association {
+                    Association::Point => {
+                        surface.interpolate(found, &mut values);
+                        out.extend_from_slice(&values);
+                    }
+                    Association::Cell => out.extend(surface.cells.iter().map(|&cell| found[cell as usize])),
+                }
             }
         }
         out.points.extend(surface.points);

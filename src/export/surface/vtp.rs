@@ -1,5 +1,5 @@
-//! One `.vtp` file: VTK's XML PolyData, with raw appended arrays as in `.vtu` files. Points are Float64, fields Float32 per point;
-//! isosurfaces have the Float64 array `isovalue` per cell.
+//! One `.vtp` file: VTK's XML PolyData, with raw appended arrays as in `.vtu` files. Points are Float64, fields Float32 per point, or
+//! per triangle for fields of cells; isosurfaces have the Float64 array `isovalue` per triangle.
 
 use super::step::StepSurface;
 use crate::error::FileResult;
@@ -23,11 +23,12 @@ pub(super) fn write(path: &Path, surface: &StepSurface) -> FileResult<u64> {
          NumberOfPolys=\"{polys}\">\n"
     );
     file.fields("PointData", Association::Point, &surface.fields, point_count, path)?;
-    file.text += "<CellData>\n";
+    file.open("CellData");
     if surface.is_isosurface {
         file.array("Float64", ISOVALUE, (1, polys), isovalues.iter().map(|v| v.to_le_bytes()));
     }
-    file.text += "</CellData>\n<Points>\n";
+    file.fields_within("CellData", Association::Cell, &surface.fields, polys, path)?;
+    file.text += "<Points>\n";
     let coordinates = points.iter().flat_map(|p| p.to_array()).map(f64::to_le_bytes);
     file.array("Float64", "Points", (3, point_count), coordinates);
     file.text += "</Points>\n<Polys>\n";

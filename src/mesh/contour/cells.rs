@@ -36,6 +36,10 @@ impl Key {
 pub(super) struct Triangles {
     /// Corner keys of each triangle.
     pub(super) keys: Vec<[Key; 3]>,
+    /// The cell of each triangle.
+    pub(super) cells: Vec<u32>,
+    /// The cell whose triangles are being added.
+    cell: u32,
     /// Triangles without area that were left out.
     pub(super) dropped: u64,
 }
@@ -43,23 +47,32 @@ pub(super) struct Triangles {
 impl Triangles {
     /// The triangles of all cells in their order, found in parallel: `add` gets the index of a cell, its vertices, and where to put its
     /// triangles.
-    pub(super) fn collect(tets: &[[u32; 4]], add: impl Fn(usize, &[u32; 4], &mut Self) + Sync) -> Self {
+    pub(super) fn collect(tets: &[[u32; 4]], add: impl Fn(u32, &[u32; 4], &mut Self) + Sync) -> Self {
         /// Cells per task; one thread takes well under a millisecond for them.
         const RUN: usize = 1 << 14;
         let of_run = |(run, cells): (usize, &[[u32; 4]])| {
             let mut triangles = Self::default();
             for (i, tet) in cells.iter().enumerate() {
-                add(run * RUN + i, tet, &mut triangles);
+                triangles.cell = (run * RUN + i) as u32;
+                add(triangles.cell, tet, &mut triangles);
             }
             triangles
         };
         let runs: Vec<Self> = tets.par_chunks(RUN).enumerate().map(of_run).collect();
-        let mut all = Self { keys: Vec::with_capacity(runs.iter().map(|run| run.keys.len()).sum()), dropped: 0 };
+        let count = runs.iter().map(|run| run.keys.len()).sum();
+        let mut all = Self { keys: Vec::with_capacity(count), cells: Vec::with_capacity(count), ..Self::default() };
         for run in runs {
             all.keys.extend(run.keys);
+            all.cells.extend(run.cells);
             all.dropped += run.dropped;
         }
         all
+    }
+
+    /// Adds a triangle.
+    pub(super) fn push(&mut self, corners: [Key; 3]) {
+        self.keys.push(corners);
+        self.cells.push(self.cell);
     }
 
     /// Adds a triangle unless two of its corners coincide.
@@ -67,7 +80,7 @@ impl Triangles {
         if a == b || b == c || c == a {
             self.dropped += 1;
         } else {
-            self.keys.push([a, b, c]);
+            self.push([a, b, c]);
         }
     }
 }

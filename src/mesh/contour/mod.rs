@@ -32,6 +32,8 @@ pub struct Domain<'a> {
     pub points: &'a [DVec3],
     /// Whether each vertex lacks a finite value; its cells are holes.
     pub missing: &'a [bool],
+    /// Whether each cell lacks one; empty if none does.
+    pub missing_cells: &'a [bool],
 }
 
 /// A point on an edge of the mesh, or at a vertex.
@@ -54,6 +56,8 @@ pub struct Surface {
     pub crossings: Vec<Crossing>,
     /// Indices of points.
     pub triangles: Vec<[u32; 3]>,
+    /// The cell of each triangle, ascending.
+    pub cells: Vec<u32>,
     /// Triangles without area that were left out.
     pub dropped: u64,
 }
@@ -84,12 +88,12 @@ impl Domain<'_> {
     /// If the mesh has more vertices than `points` or `missing`.
     pub fn contour(&self, level: impl Fn(u32) -> f64 + Sync, value: f64) -> Surface {
         let cut = Cut { points: self.points, level, value };
-        let triangles = Triangles::collect(&self.topology.tets, |_, tet, out| {
-            if !self.is_hole(*tet) {
+        let triangles = Triangles::collect(&self.topology.tets, |cell, tet, out| {
+            if !self.is_hole(cell, *tet) {
                 cut.add_cell(*tet, out);
             }
         });
-        self.surface(&triangles, |key| cut.crossing(key))
+        self.surface(triangles, |key| cut.crossing(key))
     }
 
     /// The section of the mesh by a plane, from signed distances of the vertices. Normals point to the side of lower distances.
@@ -107,24 +111,25 @@ impl Domain<'_> {
     pub fn boundary(&self) -> Surface {
         let Topology { tets, neighbours, .. } = self.topology;
         let triangles = Triangles::collect(tets, |cell, tet, out| {
-            if self.is_hole(*tet) {
+            if self.is_hole(cell, *tet) {
                 return;
             }
-            for (face, neighbour) in FACE_VERTICES.iter().zip(neighbours[cell]) {
-                if neighbour.cell().is_none_or(|other| self.is_hole(tets[other as usize])) {
-                    out.keys.push(face.map(|i| Key::vertex(tet[i])));
+            for (face, neighbour) in FACE_VERTICES.iter().zip(neighbours[cell as usize]) {
+                if neighbour.cell().is_none_or(|other| self.is_hole(other, tets[other as usize])) {
+                    out.push(face.map(|i| Key::vertex(tet[i])));
                 }
             }
         });
-        self.surface(&triangles, |key| (key.crossing(0.0), self.points[key.low() as usize]))
+        self.surface(triangles, |key| (key.crossing(0.0), self.points[key.low() as usize]))
     }
 
-    fn is_hole(&self, tet: [u32; 4]) -> bool {
-        tet.iter().any(|&v| self.missing[v as usize])
+    fn is_hole(&self, cell: u32, tet: [u32; 4]) -> bool {
+        let is_missing = self.missing_cells.get(cell as usize).copied().unwrap_or(false);
+        is_missing || tet.iter().any(|&v| self.missing[v as usize])
     }
 
     /// Builds the surface: unique points, and triangles that index them.
-    fn surface(&self, triangles: &Triangles, point: impl Fn(Key) -> (Crossing, DVec3) + Sync) -> Surface {
+    fn surface(&self, triangles: Triangles, point: impl Fn(Key) -> (Crossing, DVec3) + Sync) -> Surface {
         let mut keys = triangles.keys.as_flattened().to_vec();
         keys.par_sort_unstable();
         keys.dedup();
@@ -135,6 +140,7 @@ impl Domain<'_> {
             crossings,
             points,
             triangles: triangles.keys.par_iter().map(|corners| corners.map(rank)).collect(),
+            cells: triangles.cells,
             dropped: triangles.dropped,
         }
     }

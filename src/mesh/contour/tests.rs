@@ -22,7 +22,7 @@ impl Field {
 
     fn with<T>(&self, work: impl FnOnce(Domain<'_>) -> T) -> T {
         let missing: Vec<bool> = self.values.iter().map(|v| !v.is_finite()).collect();
-        work(Domain { topology: &self.mesh.topology, points: &self.points, missing: &missing })
+        work(Domain { topology: &self.mesh.topology, points: &self.points, missing: &missing, missing_cells: &[] })
     }
 
     fn contour(&self, value: f64) -> Surface {

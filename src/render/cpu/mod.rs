@@ -12,10 +12,11 @@ mod values;
 
 use super::joint::JointMedium;
 use super::layers::{JobLayers, Layers, NoLayers};
-use super::medium::{Medium, ScalarMedium};
+use super::medium::{CellMedium, Medium, ScalarMedium};
 use super::surfaces::medium::{SurfaceMedium, VolumeMedium};
 use super::{Frame, LayerRenderer, OpticsTable, OpticsTables, RenderJob};
 use crate::camera::View;
+use crate::field::Scalars;
 use crate::optics::Accumulator;
 pub use place::{Placed, Placer};
 use std::time::Duration;
@@ -70,6 +71,20 @@ trait RenderTiles: LayerRenderer {
         }
     }
 
+    /// Renders tiles with a medium, or with this medium and the scalars of cells.
+    fn render_in<M: Medium<Light = Accumulator>, L: Layers>(
+        &mut self,
+        job: &Self::Job,
+        (medium, layers): (&M, &L),
+        budget: Duration,
+        frame: &mut Frame,
+    ) -> bool {
+        match &Self::tile_job(job).job.scalars {
+            Scalars::Vertices(_) => self.render_tiles(job, (medium, layers), budget, frame),
+            Scalars::Cells(scalars) => self.render_tiles(job, (&CellMedium { medium, scalars }, layers), budget, frame),
+        }
+    }
+
     fn render_with<L: Layers>(&mut self, job: &Self::Job, layers: &L, budget: Duration, frame: &mut Frame) -> bool {
         let TileJob { job: of, view, table } = Self::tile_job(job);
         let joint = of.joint.as_ref().map(|scene| JointMedium { scene, scale: of.mesh.positions.scale });
@@ -77,24 +92,22 @@ trait RenderTiles: LayerRenderer {
             return match joint {
                 Some(joint) => {
                     let medium = SurfaceMedium::new(joint, surfaces, of, view);
-                    self.render_tiles(job, (&medium, layers), budget, frame)
+                    self.render_in(job, (&medium, layers), budget, frame)
                 }
                 None => {
                     let medium = SurfaceMedium::new(VolumeMedium::new(table), surfaces, of, view);
-                    self.render_tiles(job, (&medium, layers), budget, frame)
+                    self.render_in(job, (&medium, layers), budget, frame)
                 }
             };
         }
         match (&joint, table) {
-            (Some(joint), _) => self.render_tiles(job, (joint, layers), budget, frame),
-            (None, OpticsTable::Exact(table)) => {
-                self.render_tiles(job, (&ScalarMedium(&**table), layers), budget, frame)
-            }
+            (Some(joint), _) => self.render_in(job, (joint, layers), budget, frame),
+            (None, OpticsTable::Exact(table)) => self.render_in(job, (&ScalarMedium(&**table), layers), budget, frame),
             (None, OpticsTable::Table3d(table)) => {
-                self.render_tiles(job, (&ScalarMedium(&**table), layers), budget, frame)
+                self.render_in(job, (&ScalarMedium(&**table), layers), budget, frame)
             }
             (None, OpticsTable::Partial(table)) => {
-                self.render_tiles(job, (&ScalarMedium(&**table), layers), budget, frame)
+                self.render_in(job, (&ScalarMedium(&**table), layers), budget, frame)
             }
         }
     }

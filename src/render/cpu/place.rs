@@ -4,6 +4,7 @@ use super::havs::{FacePlacer, FacesInView};
 use super::is_transparent;
 use super::raycast::{CellPlacer, CellsInView};
 use crate::camera::View;
+use crate::field::Scalars;
 use crate::mesh::Mesh;
 use crate::render::{OpticsTable, RenderJob};
 use crate::visibility::{CellSet, DrawnFaces};
@@ -13,7 +14,7 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub struct Placed {
     mesh: Arc<Mesh>,
-    scalars: Arc<Vec<f32>>,
+    scalars: Scalars,
     active: Arc<CellSet>,
     faces: Option<Arc<DrawnFaces>>,
     view: View,
@@ -29,7 +30,7 @@ enum InView {
 impl Placed {
     fn is_of(&self, job: &RenderJob) -> bool {
         Arc::ptr_eq(&self.mesh, &job.mesh)
-            && Arc::ptr_eq(&self.scalars, &job.scalars)
+            && self.scalars.is_same(&job.scalars)
             && Arc::ptr_eq(&self.active, &job.active)
             && self.faces.as_ref().map(Arc::as_ptr) == job.faces.as_ref().map(Arc::as_ptr)
             && self.view == job.view
@@ -140,7 +141,7 @@ mod tests {
     fn what_was_placed_for_another_job_is_placed_anew() {
         let changes: [fn(&mut RenderJob); 4] = [
             |job| job.view.eye.x += 0.25,
-            |job| job.scalars = Arc::new(job.scalars.iter().map(|s| 1.0 - s).collect()),
+            |job| job.scalars = Arc::new(job.scalars.values().iter().map(|s| 1.0 - s).collect::<Vec<_>>()).into(),
             |job| {
                 let half = CellSet::of(job.active.universe(), |cell| cell.is_multiple_of(2));
                 job.active = Arc::new(half);
@@ -173,7 +174,7 @@ mod tests {
             let cancelled = job.clone();
             let faults = [
                 RenderJob { table: transparent, ..job.clone() },
-                RenderJob { scalars: Arc::new(vec![0.0]), ..job.clone() },
+                RenderJob { scalars: Arc::new(vec![0.0]).into(), ..job.clone() },
                 RenderJob { active: Arc::new(CellSet::none(job.active.universe())), ..job.clone() },
                 RenderJob { faces: Some(Arc::new(DrawnFaces { faces: vec![u32::MAX], is_complete: false })), ..job },
             ];

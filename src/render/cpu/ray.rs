@@ -2,6 +2,7 @@
 
 use super::super::medium::{RayLine, RayPoint};
 use crate::camera::View;
+use crate::field::Scalars;
 use crate::task::Cancel;
 use crate::visibility::Clusters;
 use glam::Vec3;
@@ -32,24 +33,28 @@ pub(super) const CLUSTER: usize = Clusters::VERTICES;
 pub(super) const CLUSTERS_AT_ONCE: usize = 8;
 
 /// Transforms all vertices to the view; only some of them if `cancel` is raised. Vertices of clusters (see
-/// [`Clusters`](crate::visibility::Clusters)) known not to be `needed` are left unchanged.
+/// [`Clusters`](crate::visibility::Clusters)) known not to be `needed` are left unchanged. They have scalar 0 if cells have the scalars.
 pub(super) fn transform(
     view: &View,
     local: &[Vec3],
-    scalars: &[f32],
+    scalars: &Scalars,
     needed: Option<&[bool]>,
     cancel: &Cancel,
     out: &mut Vec<ViewVertex>,
 ) {
     out.resize(local.len(), ViewVertex::default());
-    let chunks = local.par_chunks(CLUSTER).zip(scalars.par_chunks(CLUSTER));
-    let clusters = out.par_chunks_mut(CLUSTER).zip(chunks).enumerate().with_min_len(CLUSTERS_AT_ONCE);
-    clusters.for_each(|(cluster, (out, (local, scalars)))| {
+    let clusters = out.par_chunks_mut(CLUSTER).zip(local.par_chunks(CLUSTER));
+    clusters.enumerate().with_min_len(CLUSTERS_AT_ONCE).for_each(|(cluster, (out, local))| {
         if !is_needed(needed, cluster) || cancel.is_cancelled() {
             return;
         }
-        for (out, (&p, &s)) in out.iter_mut().zip(local.iter().zip(scalars)) {
-            *out = ViewVertex::of(view, p, s);
+        match scalars {
+            Scalars::Vertices(scalars) => {
+                for (out, (&p, &s)) in out.iter_mut().zip(local.iter().zip(&scalars[CLUSTER * cluster..])) {
+                    *out = ViewVertex::of(view, p, s);
+                }
+            }
+            Scalars::Cells(_) => out.iter_mut().zip(local).for_each(|(out, &p)| *out = ViewVertex::of(view, p, 0.0)),
         }
     });
 }

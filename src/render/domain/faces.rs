@@ -9,14 +9,14 @@ use crate::camera::View;
 use glam::DVec3;
 use std::ops::Range;
 
-/// The fragments of a face.
-pub(super) fn fragments(face: [u32; 3], surface: &DomainSurface, scene: &DomainScene<'_>) -> Fragments {
+/// The fragments of a face of a cell.
+pub(super) fn fragments(face: [u32; 3], cell: u32, surface: &DomainSurface, scene: &DomainScene<'_>) -> Fragments {
     let view = scene.view;
     let corners = face.map(|vertex| scene.in_view(vertex));
     let Some((columns, rows)) = pixels_of(corners, view) else { return Vec::new() };
     let edges = [[1, 2], [2, 0], [0, 1]].map(|[i, j]| Edge::new(corners[i], corners[j], face[i] < face[j], view));
     let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-    let scalars = face.map(|vertex| scene.scalar(vertex));
+    let scalars = face.map(|vertex| scene.scalar(cell, vertex));
     let mut out = Vec::new();
     for row in rows {
         for (column, place) in view.rendered_in(row, columns.clone()) {
@@ -32,7 +32,8 @@ pub(super) fn fragments(face: [u32; 3], surface: &DomainSurface, scene: &DomainS
             if view.perspective && at.z <= 0.0 {
                 continue;
             }
-            let scalar = (0..3).map(|i| weights[i] * scalars[i]).sum();
+            // Relative to one corner's: a constant scalar stays exact.
+            let scalar = scalars[0] + (1..3).map(|i| weights[i] * (scalars[i] - scalars[0])).sum::<f64>();
             let light = scene.light_on(normal, at);
             if let Some(fragment) = scene.fragment(surface, at, scalar, light, surface.opacity) {
                 out.push((place as u32, fragment));

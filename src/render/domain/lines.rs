@@ -20,10 +20,10 @@ struct End {
     scalar: f64,
 }
 
-/// The fragments of an edge.
-pub(super) fn fragments(edge: [u32; 2], surface: &DomainSurface, scene: &DomainScene<'_>) -> Fragments {
+/// The fragments of an edge of a cell.
+pub(super) fn fragments(edge: [u32; 2], cell: u32, surface: &DomainSurface, scene: &DomainScene<'_>) -> Fragments {
     let view = scene.view;
-    let points = edge.map(|vertex| (scene.in_view(vertex), scene.scalar(vertex)));
+    let points = edge.map(|vertex| (scene.in_view(vertex), scene.scalar(cell, vertex)));
     let Some(points) = before_the_eye(points, view.perspective) else { return Vec::new() };
     let (width, height) = (view.width_px as f64, view.height_px as f64);
     let ends = points.map(|(point, scalar)| {

@@ -11,6 +11,7 @@ mod text;
 use super::layers::LayerFragment;
 use super::surfaces::{Normals, SurfaceShading, brightness};
 use crate::camera::View;
+use crate::field::Scalars;
 use crate::mesh::{Mesh, NONE, Plane};
 use crate::node_table::NodeTable;
 use crate::visibility::CellSet;
@@ -66,11 +67,11 @@ const SMOOTH: f64 = 0.866_025_403_784_438_6;
 pub struct DomainFaces {
     of: Weak<Mesh>,
     finite: Weak<CellSet>,
-    /// Vertices of the faces, ascending.
-    faces: Vec<[u32; 3]>,
-    /// Vertices of all edges, ascending, and of the feature edges.
-    edges: Vec<[u32; 2]>,
-    turns: Vec<[u32; 2]>,
+    /// Vertices of the faces, ascending, and their cells.
+    faces: Vec<([u32; 3], u32)>,
+    /// Vertices of all edges, ascending, and of the feature edges, each with a cell of the surface.
+    edges: Vec<([u32; 2], u32)>,
+    turns: Vec<([u32; 2], u32)>,
 }
 
 impl DomainFaces {
@@ -92,31 +93,33 @@ impl DomainFaces {
                 _ => None,
             })
             .collect();
-        let mut sides: Vec<([u32; 2], DVec3)> = found
+        let mut sides: Vec<([u32; 2], DVec3, u32)> = found
             .par_iter()
             .flat_map_iter(|&([a, b, c], cell)| {
                 let outward = outward(mesh, [a, b, c], cell);
-                [[a, b], [a, c], [b, c]].map(|edge| (edge, outward))
+                [[a, b], [a, c], [b, c]].map(|edge| (edge, outward, cell))
             })
             .collect();
-        sides.par_sort_by_key(|(edge, _)| *edge);
+        sides.par_sort_by_key(|(edge, ..)| *edge);
         let of_edges = || sides.chunk_by(|a, b| a.0 == b.0);
-        let is_turn = |of_edge: &&[([u32; 2], DVec3)]| match of_edge {
-            [(_, a), (_, b)] => a.dot(*b) < SMOOTH,
+        let is_turn = |of_edge: &&[([u32; 2], DVec3, u32)]| match of_edge {
+            [(_, a, _), (_, b, _)] => a.dot(*b) < SMOOTH,
             _ => true,
         };
-        self.edges = of_edges().map(|of_edge| of_edge[0].0).collect();
-        self.turns = of_edges().filter(is_turn).map(|of_edge| of_edge[0].0).collect();
-        self.faces = found.into_iter().map(|(face, _)| face).collect();
+        let first = |of_edge: &[([u32; 2], DVec3, u32)]| (of_edge[0].0, of_edge[0].2);
+        self.edges = of_edges().map(first).collect();
+        self.turns = of_edges().filter(is_turn).map(first).collect();
+        self.faces = found;
         (self.of, self.finite) = (Arc::downgrade(mesh), Arc::downgrade(finite));
     }
 
     /// The fragments of a surface in a view (local coordinates), each with its pixel's index in the plane.
     pub(crate) fn fragments(&self, surface: &DomainSurface, scene: &DomainScene<'_>) -> Fragments {
-        let of_edge = |edge: &[u32; 2]| lines::fragments(*edge, surface, scene);
+        let of_edge = |&(edge, cell): &([u32; 2], u32)| lines::fragments(edge, cell, surface, scene);
         match surface.style {
             DomainStyle::Solid => {
-                self.faces.par_iter().flat_map_iter(|face| faces::fragments(*face, surface, scene)).collect()
+                let of_face = |&(face, cell): &([u32; 3], u32)| faces::fragments(face, cell, surface, scene);
+                self.faces.par_iter().flat_map_iter(of_face).collect()
             }
             DomainStyle::Wireframe => self.edges.par_iter().flat_map_iter(of_edge).collect(),
             DomainStyle::Edges => self.turns.par_iter().flat_map_iter(of_edge).collect(),
@@ -139,7 +142,7 @@ fn outward(mesh: &Mesh, face: [u32; 3], cell: u32) -> DVec3 {
 /// Scene data from which the surface of the domain is drawn.
 pub(crate) struct DomainScene<'a> {
     pub(crate) mesh: &'a Mesh,
-    pub(crate) scalars: &'a [f32],
+    pub(crate) scalars: &'a Scalars,
     /// Colours by scalar.
     pub(crate) colors: &'a NodeTable,
     pub(crate) shading: SurfaceShading,
@@ -154,8 +157,12 @@ impl DomainScene<'_> {
         self.view.to_view(self.mesh.positions.local[vertex as usize].as_dvec3())
     }
 
-    fn scalar(&self, vertex: u32) -> f64 {
-        f64::from(self.scalars[vertex as usize])
+    /// The scalar at a vertex of a cell.
+    fn scalar(&self, cell: u32, vertex: u32) -> f64 {
+        f64::from(match self.scalars {
+            Scalars::Vertices(scalars) => scalars[vertex as usize],
+            Scalars::Cells(scalars) => scalars[cell as usize],
+        })
     }
 
     /// The fragment at a point (view coordinates) with a scalar, unless it is clipped; `light` scales its colour.

@@ -6,6 +6,7 @@ use super::joint::VertexValues;
 use super::layout::VIEW_VERTEX_BYTES;
 use super::resources::{Kind, Resource};
 use crate::mesh::Mesh;
+use crate::optics::ScalarMap;
 use crate::render::surfaces::SurfaceScene;
 use crate::render::{RenderError, RenderJob};
 use rayon::prelude::*;
@@ -141,10 +142,19 @@ pub(super) struct VertexBuffers {
     of: Option<Arc<Mesh>>,
     pub(super) positions: GrowingBuffer,
     pub(super) scalars: GrowingBuffer,
-    /// View vertices; behind them the value at vertices (with a joint table), then their gradients (with smooth surfaces).
+    /// View vertices; behind them the value at vertices (with a joint table), then their gradients (with smooth surfaces); or the scalars of
+    /// cells.
     pub(super) vertices: GrowingBuffer,
     values: Option<VertexValues>,
     gradients: Option<GradientsSent>,
+    cells: Option<CellScalarsSent>,
+}
+
+/// The scalars of cells that have been sent, and the map through which shaders see them.
+#[derive(Debug)]
+struct CellScalarsSent {
+    of: Weak<Vec<f32>>,
+    map: ScalarMap,
 }
 
 /// The gradients of vertices that have been sent.
@@ -164,6 +174,7 @@ impl VertexBuffers {
             vertices: GrowingBuffer::new(Resource::Vertices),
             values: None,
             gradients: None,
+            cells: None,
         }
     }
 
@@ -177,7 +188,7 @@ impl VertexBuffers {
         if self.of.as_ref().is_some_and(|of| Arc::ptr_eq(of, mesh)) {
             return Ok((false, 0));
         }
-        (self.of, self.values, self.gradients) = (None, None, None);
+        (self.of, self.values, self.gradients, self.cells) = (None, None, None, None);
         let vertices = mesh.positions.local.len() as u64;
         let mut made = self.positions.reserve(context, 12 * vertices)?;
         made |= self.scalars.reserve(context, 4 * vertices)?;
@@ -192,9 +203,17 @@ impl VertexBuffers {
         if job.joint.is_some() { job.mesh.positions.local.len() } else { 0 }
     }
 
-    /// Uploads the job's values at vertices and gradients, if any, unless they are on the GPU; after [`Self::upload`]. Returns whether the
-    /// buffer was made, and the bytes sent.
-    pub(super) fn upload_values(&mut self, context: &Context, job: &RenderJob) -> Result<(bool, u64), RenderError> {
+    /// Uploads the job's values at vertices and gradients, or scalars of cells, if any, unless they are on the GPU; after [`Self::upload`].
+    /// Returns whether the buffer was made, and the bytes sent.
+    pub(super) fn upload_values(
+        &mut self,
+        context: &Context,
+        job: &RenderJob,
+        map: ScalarMap,
+    ) -> Result<(bool, u64), RenderError> {
+        if let Some(scalars) = job.scalars.of_cells() {
+            return self.upload_cells(context, job, scalars, map);
+        }
         let gradients = job.surfaces.as_ref().and_then(SurfaceScene::gradients);
         let vertices = job.mesh.positions.local.len();
         let numbers = Self::first_gradient(job) + gradients.map_or(0, |gradients| 3 * gradients.len());
@@ -208,6 +227,7 @@ impl VertexBuffers {
         if made {
             (self.values, self.gradients) = (None, None);
         }
+        self.cells = None;
         let mut sent = 0;
         if let Some(scene) = &job.joint
             && !self.values.as_ref().is_some_and(|values| values.is_of(scene))
@@ -221,6 +241,30 @@ impl VertexBuffers {
         if let Some(gradients) = gradients {
             sent += self.upload_gradients(context, gradients, begin, Self::first_gradient(job))?;
         }
+        Ok((made, sent))
+    }
+
+    /// Uploads scalars of cells as shaders see them (`view_transform.wgsl`), unless they are there.
+    fn upload_cells(
+        &mut self,
+        context: &Context,
+        job: &RenderJob,
+        scalars: &Arc<Vec<f32>>,
+        map: ScalarMap,
+    ) -> Result<(bool, u64), RenderError> {
+        let begin = VIEW_VERTEX_BYTES * job.mesh.positions.local.len() as u64;
+        let bytes = (4 * scalars.len() as u64).next_multiple_of(VIEW_VERTEX_BYTES);
+        let made = self.vertices.reserve(context, begin + bytes).inspect_err(|_| self.of = None)?;
+        let is_there = |sent: &CellScalarsSent| sent.of.as_ptr() == Arc::as_ptr(scalars) && sent.map == map;
+        if !made && self.cells.as_ref().is_some_and(is_there) {
+            return Ok((false, 0));
+        }
+        (self.values, self.gradients, self.cells) = (None, None, None);
+        // A hole is in no active cell.
+        let seen = |&scalar: &f32| if scalar.is_finite() { map.seen(scalar) } else { 0.0 };
+        let words: Vec<f32> = scalars.par_iter().map(seen).collect();
+        let sent = self.vertices.write(context, begin, bytemuck::cast_slice(&words))?;
+        self.cells = Some(CellScalarsSent { of: Arc::downgrade(scalars), map });
         Ok((made, sent))
     }
 
@@ -282,7 +326,7 @@ impl GpuScalars {
         job: &RenderJob,
         buffer: &GrowingBuffer,
     ) -> Result<(f64, u64), RenderError> {
-        let scalars = &job.scalars;
+        let scalars = job.scalars.values();
         if Weak::as_ptr(&self.of) == Arc::as_ptr(scalars) {
             return Ok((f64::from(self.prescale), 0));
         }
@@ -293,6 +337,11 @@ impl GpuScalars {
             .fold((0f32, true), |(largest, all), &s| (largest.max(finite(s).abs()), all && s.is_finite()));
         self.largest = largest;
         self.prescale = if largest < SMALL { PRESCALE } else { 1.0 };
+        if job.scalars.of_cells().is_some() {
+            // They lie behind the view vertices; what vertices have is not read.
+            self.of = Arc::downgrade(scalars);
+            return Ok((f64::from(self.prescale), 0));
+        }
         let compressed =
             job.compressed.as_ref().filter(|c| self.prescale == 1.0 && c.block.means().len() == scalars.len());
         if let Some(step) = compressed

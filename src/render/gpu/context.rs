@@ -202,6 +202,7 @@ impl Context {
     /// As [`Self::check`]; also `BeyondGpu` if a job has features without shaders.
     pub(super) fn check_job(&self, job: &RenderJob) -> Result<(), RenderError> {
         self.check()?;
+        let of_cells = job.scalars.of_cells().is_some();
         let surfaces_are = |so: fn(&SurfaceScene) -> bool| job.surfaces.as_ref().is_some_and(so);
         let lacking = [
             (job.fragments.is_some(), "cells together with fragments of other layers"),
@@ -209,6 +210,8 @@ impl Context {
             (surfaces_are(SurfaceScene::lights_volume), "light on the volume"),
             (surfaces_are(SurfaceScene::has_beside), "colours of another field"),
             (matches!(job.view.samples, Samples::Pixels(_)), "a list of pixels"),
+            (of_cells && job.joint.is_some(), "a joint table over scalars of cells"),
+            (of_cells && job.surfaces.is_some(), "surfaces among scalars of cells"),
         ];
         let feature = lacking.into_iter().find_map(|(is_asked_for, feature)| is_asked_for.then_some(feature));
         feature.map_or(Ok(()), |feature| Err(self.beyond(feature.to_owned())))

@@ -7,6 +7,7 @@
 use super::buffers::GrowingBuffer;
 use super::context::Context;
 use super::layout::JointParams;
+use crate::field::Scalars;
 use crate::node_table::JointTable;
 use crate::optics::ScalarMap;
 use crate::optics::joint::{packed, packed_len};
@@ -136,6 +137,11 @@ fn rows_map(table: &JointTable) -> ScalarMap {
     ScalarMap::of_range(rows[0], rows[rows.len() - 1], 1.0)
 }
 
+/// The values of a scene at vertices.
+fn at_vertices(scene: &JointScene) -> Option<&Arc<Vec<f32>>> {
+    scene.row_values.as_ref().and_then(Scalars::of_vertices)
+}
+
 /// The values at vertices that were sent last.
 #[derive(Debug)]
 pub(super) struct VertexValues {
@@ -150,7 +156,7 @@ impl VertexValues {
     pub(super) fn is_of(&self, scene: &JointScene) -> bool {
         let sent = self.of.as_ref().map(Weak::as_ptr);
         let key = (rows_map(&scene.table), scene.table.vertex_axis()[0]);
-        sent == scene.vertex_values.as_ref().map(Arc::as_ptr) && (self.map, self.lowest) == key
+        sent == at_vertices(scene).map(Arc::as_ptr) && (self.map, self.lowest) == key
     }
 
     /// The values of a scene, and the mapped numbers to be sent.
@@ -160,6 +166,6 @@ impl VertexValues {
         let seen = |vertex: usize| map.apply(scene.vertex_value(vertex as u32)).clamp(-1e30, 1e30) as f32;
         let values = (0..vertices).into_par_iter().map(seen).collect();
         let lowest = scene.table.vertex_axis()[0];
-        (Self { of: scene.vertex_values.as_ref().map(Arc::downgrade), map, lowest }, values)
+        (Self { of: at_vertices(scene).map(Arc::downgrade), map, lowest }, values)
     }
 }

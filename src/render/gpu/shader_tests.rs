@@ -53,7 +53,7 @@ fn every_shader_is_valid_and_has_its_entry_point() {
             checked += 1;
         }
     }
-    assert_eq!(checked, 2 * 102);
+    assert_eq!(checked, 2 * 120);
     // Only those in f64 need a device that has it.
     let double = Stage::Walk(Gathering::Scalar(OpticsKind::Exact), Inside::Volume, Precision::Double).source(SPLITS[0]);
     assert!(parse(&double).is_err());
@@ -529,12 +529,16 @@ fn frames_without_surfaces_have_none_of_their_code() {
         };
         match inside {
             Some(Inside::Surfaces) => assert!(of_surfaces.iter().all(|name| has(stage, name)), "{stage:?}"),
-            Some(Inside::Volume) => assert!(!of_surfaces.iter().any(|name| has(stage, name)), "{stage:?}"),
+            Some(Inside::Volume | Inside::Cells) => {
+                assert!(!of_surfaces.iter().any(|name| has(stage, name)), "{stage:?}")
+            }
             None => assert!(!of_surfaces[..5].iter().any(|name| has(stage, name)), "{stage:?}"),
         }
     }
     let walk = |inside| Stage::Walk(Gathering::Scalar(OpticsKind::Exact), inside, Precision::Single);
     assert!(is_empty(walk(Inside::Volume), "medium_ray") && !is_empty(walk(Inside::Surfaces), "medium_ray"));
+    let reads_cells = |inside| has(walk(inside), "number_behind_vertices(cell)");
+    assert_eq!(Inside::ALL.map(reads_cells), [false, false, true]);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use super::layout::{FRAGMENT_BYTES, JOINT_FRAGMENT_BYTES};
 use super::resources::{Binding, Resource, declarations};
 use super::shader_parts as lib;
+use crate::field::Scalars;
 use crate::optics::OpticsKind;
 use crate::render::RenderJob;
 
@@ -67,15 +68,28 @@ pub enum Inside {
     Volume,
     /// The volume and isosurfaces.
     Surfaces,
+    /// The volume, of scalars of cells.
+    Cells,
 }
 
 impl Inside {
-    /// Both.
-    pub const ALL: [Self; 2] = [Self::Volume, Self::Surfaces];
+    /// All of them, where the transfer function is of the scalar alone.
+    pub const ALL: [Self; 3] = [Self::Volume, Self::Surfaces, Self::Cells];
+    /// Those that there are with a joint table.
+    pub const OF_VERTICES: [Self; 2] = [Self::Volume, Self::Surfaces];
 
     /// What rays of a job meet.
     pub fn of(job: &RenderJob) -> Self {
-        if job.surfaces.is_some() { Self::Surfaces } else { Self::Volume }
+        match job.scalars {
+            Scalars::Cells(_) => Self::Cells,
+            Scalars::Vertices(_) if job.surfaces.is_some() => Self::Surfaces,
+            Scalars::Vertices(_) => Self::Volume,
+        }
+    }
+
+    /// What decides on a fragment's scalar: that of a cell is none of its faces'.
+    pub fn of_fragments(self) -> Self {
+        if self == Self::Cells { Self::Volume } else { self }
     }
 
     /// Bindings beyond those of [`Gathering`]: of the walk, and of the face renderer.
@@ -83,6 +97,7 @@ impl Inside {
         const SURFACES: Binding = Binding::Read(Resource::Surfaces);
         match self {
             Self::Volume => [&[], &[]],
+            Self::Cells => [&[], &[Binding::Read(Resource::Vertices)]],
             Self::Surfaces => {
                 [&[SURFACES], &[SURFACES, Binding::Read(Resource::Vertices), Binding::Read(Resource::Corners)]]
             }
@@ -107,6 +122,14 @@ impl Gathering {
         Self::Scalar(OpticsKind::Partial),
         Self::Joint,
     ];
+
+    /// What there may be inside cells.
+    fn insides(self) -> &'static [Inside] {
+        match self {
+            Self::Scalar(_) => &Inside::ALL,
+            Self::Joint => &Inside::OF_VERTICES,
+        }
+    }
 
     /// How segments of a job are integrated.
     pub fn of(job: &RenderJob) -> Self {
@@ -219,11 +242,12 @@ pub fn stages() -> impl Iterator<Item = Stage> {
     ];
     let with = |precision: Precision| {
         let kinds = [FragmentKind::Plain, FragmentKind::Joint];
-        let stores = kinds.into_iter().flat_map(|kind| Inside::ALL.map(|inside| Pass::Store(kind, inside)));
+        let stores = kinds.into_iter().flat_map(|kind| Inside::OF_VERTICES.map(|inside| Pass::Store(kind, inside)));
         let finding = [Pass::Count].into_iter().chain(stores).flat_map(move |pass| {
             [Stage::Faces(pass, precision), Stage::FacePieces(pass, precision), Stage::FaceStarts(pass, precision)]
         });
-        let gathering = Gathering::ALL.into_iter().flat_map(|how| Inside::ALL.map(|inside| (how, inside)));
+        let gathering =
+            Gathering::ALL.into_iter().flat_map(|how| how.insides().iter().map(move |&inside| (how, inside)));
         finding.chain(gathering.flat_map(move |(how, inside)| {
             [
                 Stage::Walk(how, inside, precision),
@@ -438,6 +462,7 @@ impl Stage {
                 let surfaces = match inside {
                     Inside::Volume => &[][..],
                     Inside::Surfaces => &[lib::CORNERS, lib::BEHIND_VERTICES],
+                    Inside::Cells => &[lib::BEHIND_VERTICES],
                 };
                 let stored = [lib::ACTIVE, lib::FRAGMENTS, lib::FRAGMENT_PLACES];
                 [&gathering(how, inside, precision)[..], &FACES, &stored, surfaces].concat()
@@ -470,6 +495,7 @@ fn gathering(how: Gathering, inside: Inside, precision: Precision) -> Vec<&'stat
     };
     let surfaces = match (inside, how) {
         (Inside::Volume, _) => &[lib::NO_SURFACES][..],
+        (Inside::Cells, _) => &[lib::CELL_SCALARS],
         (Inside::Surfaces, Gathering::Scalar(_)) => &[lib::SURFACES, lib::NO_JOINT_PARTS],
         (Inside::Surfaces, Gathering::Joint) => &[lib::SURFACES, lib::JOINT_PARTS],
     };
@@ -481,7 +507,7 @@ fn gathering(how: Gathering, inside: Inside, precision: Precision) -> Vec<&'stat
 fn walking(how: Gathering, inside: Inside, precision: Precision) -> Vec<&'static str> {
     let values = match (how.fragments(), inside) {
         (FragmentKind::Plain, Inside::Volume) => &[lib::NO_VERTEX_VALUES][..],
-        (FragmentKind::Plain, Inside::Surfaces) => &[lib::NO_VERTEX_VALUES, lib::BEHIND_VERTICES],
+        (FragmentKind::Plain, Inside::Surfaces | Inside::Cells) => &[lib::NO_VERTEX_VALUES, lib::BEHIND_VERTICES],
         (FragmentKind::Joint, _) => &[lib::VERTEX_VALUES, lib::BEHIND_VERTICES],
     };
     let walk = [lib::CELLS, lib::ACTIVE, lib::CROSSING, lib::WALK];
@@ -495,7 +521,7 @@ fn rays(inside: Inside, precision: Precision) -> [&'static str; 3] {
         Precision::Double => lib::RAY_DOUBLE,
     };
     let scalar = match inside {
-        Inside::Volume => lib::SCALAR_AS_IS,
+        Inside::Volume | Inside::Cells => lib::SCALAR_AS_IS,
         Inside::Surfaces => lib::SCALAR_WITHIN_FACE,
     };
     [numbers, lib::RAY, scalar]

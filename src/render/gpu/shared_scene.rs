@@ -72,7 +72,7 @@ impl SharedScene {
         let map = scalar_map(job, prescale, self.scalars.largest());
         let (gradients, has_volume) = (VertexBuffers::first_gradient(job) as u32, !self.table.is_transparent(job));
         let uploaded = [
-            self.vertices.upload_values(context, job)?,
+            self.vertices.upload_values(context, job, map)?,
             self.table.update(context, job, map, params)?,
             self.surfaces.update(context, job, map, gradients, has_volume)?,
         ];

@@ -37,12 +37,11 @@ pub(super) fn scalar_map(job: &RenderJob, prescale: f64, largest: f32) -> Scalar
     ScalarMap { scale: 2f64.powi(exponent.clamp(-100, 100)), ..map }
 }
 
-/// The least mapped scalar that counts as above an isovalue, by the same steps in f32 as in `view_transform.wgsl`.
+/// The least mapped scalar that counts as above an isovalue, as shaders see scalars.
 fn threshold(isovalue: f64, map: ScalarMap) -> f32 {
     let nearest = isovalue as f32;
     let least = if f64::from(nearest) < isovalue { nearest.next_up() } else { nearest };
-    let seen = (least * map.prescale as f32 - map.offset as f32) * map.scale as f32;
-    seen.clamp(-1e30, 1e30)
+    map.seen(least)
 }
 
 /// The buffer of a frame's sheets, and its contents.

@@ -27,8 +27,8 @@ impl Cell {
     /// A cell of a job from its corners in view coordinates; `None` if no pixel can see it.
     pub(in crate::render) fn new(job: &RenderJob, view: &View, number: u32, corners: [DVec3; 4]) -> Option<Self> {
         let tet = job.mesh.topology.tets[number as usize];
-        let scalars = tet.map(|v| f64::from(job.scalars[v as usize]));
-        let vertex_values = job.joint.as_ref().map_or([0.0; 4], |scene| tet.map(|v| scene.vertex_value(v)));
+        let scalars = job.scalars.at_corners(number, tet).map(f64::from);
+        let vertex_values = job.joint.as_ref().map_or([0.0; 4], |scene| scene.values_at_corners(number, tet));
         let (columns, rows) = pixel_ranges(view, &corners)?;
         let mut offset = [0.0; 4];
         let mut gradient = [DVec3::ZERO; 4];

@@ -17,7 +17,7 @@ fn corners(job: &RenderJob, cell: u32) -> [DVec3; 4] {
 /// The gradient of the scalar in a cell: the solution g of the equations (corner i - corner 0) . g = scalar i - scalar 0.
 fn gradient(job: &RenderJob, cell: u32) -> DVec3 {
     let [o, a, b, c] = corners(job, cell);
-    let [so, sa, sb, sc] = job.mesh.topology.tets[cell as usize].map(|v| f64::from(job.scalars[v as usize]));
+    let [so, sa, sb, sc] = job.scalars.at_corners(cell, job.mesh.topology.tets[cell as usize]).map(f64::from);
     let edges = DMat3::from_cols(a - o, b - o, c - o).transpose();
     edges.inverse() * DVec3::new(sa - so, sb - so, sc - so)
 }
@@ -26,7 +26,7 @@ fn gradient(job: &RenderJob, cell: u32) -> DVec3 {
 pub(super) fn gradients_at_vertices(job: &RenderJob) -> Vec<DVec3> {
     let mut sums = vec![DVec3::ZERO; job.mesh.positions.local.len()];
     for (cell, tet) in (0..).zip(&job.mesh.topology.tets) {
-        if tet.iter().any(|&v| !job.scalars[v as usize].is_finite()) {
+        if job.scalars.at_corners(cell, *tet).iter().any(|scalar| !scalar.is_finite()) {
             continue;
         }
         let [o, a, b, c] = corners(job, cell);
@@ -132,14 +132,14 @@ impl<M: Medium<Ray = (), Light = Sum>> WithSurfaces<'_, M> {
 impl<M> WithSurfaces<'_, M> {
     /// Clamps a scalar to the range of a cell against rounding.
     fn within_cell(&self, cell: u32, scalar: f64) -> f64 {
-        let corners = self.job.mesh.topology.tets[cell as usize].map(|v| f64::from(self.job.scalars[v as usize]));
+        let corners = self.job.scalars.at_corners(cell, self.job.mesh.topology.tets[cell as usize]).map(f64::from);
         scalar.clamp(corners.into_iter().fold(f64::MAX, f64::min), corners.into_iter().fold(f64::MIN, f64::max))
     }
 
     /// The colour by another field at a depth in a cell.
     pub(super) fn color_by(&self, beside: &FieldBeside, cell: u32, depth: f64) -> [f64; 3] {
         let tet = self.job.mesh.topology.tets[cell as usize];
-        beside.color(tet, self.weights(cell, depth))
+        beside.color(cell, tet, self.weights(cell, depth))
     }
 
     /// Barycentric coordinates of the ray at a depth in a cell.

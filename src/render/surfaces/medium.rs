@@ -3,6 +3,7 @@
 use super::cuts_in_view::CutsInView;
 use super::{FieldBeside, Normals, Sheet, SurfaceScene, brightness};
 use crate::camera::View;
+use crate::field::Scalars;
 use crate::mesh::{self, Mesh};
 use crate::optics::exact::ExactTable;
 use crate::optics::partial::PartialTable;
@@ -171,6 +172,11 @@ impl<M: Medium<Light = Accumulator>> Medium for SurfaceMedium<'_, M> {
     fn vertex_value(&self, vertex: u32) -> f64 {
         self.volume.vertex_value(vertex)
     }
+
+    #[inline(always)]
+    fn value_in_cell(&self, cell: u32) -> f64 {
+        self.volume.value_in_cell(cell)
+    }
 }
 
 /// The guide pixel of the nearest surface.
@@ -186,7 +192,7 @@ struct Shader<'a> {
     /// Unit vector towards the light, world coordinates; `None` for a light at the eye.
     light: Option<DVec3>,
     mesh: &'a Mesh,
-    scalars: &'a [f32],
+    scalars: &'a Scalars,
     /// Gradient vectors at vertices, for [`Normals::Vertex`].
     gradients: Option<&'a [[f32; 3]]>,
     view: &'a View,
@@ -233,7 +239,7 @@ impl<'a> Shader<'a> {
     /// The gradient in a cell.
     fn normal(&self, cell: u32) -> DVec3 {
         let tet = self.mesh.topology.tets[cell as usize];
-        let scalars = tet.map(|v| self.scalars[v as usize]);
+        let scalars = self.scalars.at_corners(cell, tet);
         mesh::tet_gradient(self.mesh.positions.corners(tet), scalars).unwrap_or(DVec3::ZERO)
     }
 
@@ -246,7 +252,7 @@ impl<'a> Shader<'a> {
     /// The colour by another field on the ray at a depth.
     fn color_by(&self, beside: &FieldBeside, segment: &Segment, depth: f64) -> [f64; 3] {
         let (tet, weights) = self.place(segment, depth);
-        beside.color(tet, weights)
+        beside.color(segment.cell, tet, weights)
     }
 
     /// Position on the ray at a depth: the vertices of a segment's cell, and barycentric coordinates.

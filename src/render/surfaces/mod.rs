@@ -22,6 +22,7 @@ mod normals;
 pub(crate) mod screen;
 mod text;
 
+use crate::field::Scalars;
 use crate::node_table::NodeTable;
 use crate::transfer::TransferSource;
 use crate::visibility::CutPlanes;
@@ -233,8 +234,8 @@ pub(super) struct Sheet {
 /// A further field beside that of the job, as a source of colours.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FieldBeside {
-    /// One scalar per vertex of the mesh.
-    pub scalars: Arc<Vec<f32>>,
+    /// Its scalars.
+    pub scalars: Scalars,
     /// Colours by scalar.
     pub colors: Arc<NodeTable>,
 }
@@ -244,8 +245,9 @@ const NO_VALUE: [f64; 3] = [0.5; 3];
 
 impl FieldBeside {
     /// The colour at a point of a cell, by barycentric coordinates.
-    pub(super) fn color(&self, tet: [u32; 4], weights: [f64; 4]) -> [f64; 3] {
-        let scalar: f64 = (0..4).map(|i| weights[i] * f64::from(self.scalars[tet[i] as usize])).sum();
+    pub(super) fn color(&self, cell: u32, tet: [u32; 4], weights: [f64; 4]) -> [f64; 3] {
+        let scalars = self.scalars.at_corners(cell, tet);
+        let scalar: f64 = (0..4).map(|i| weights[i] * f64::from(scalars[i])).sum();
         if scalar.is_finite() { self.colors.eval(scalar).rgb } else { NO_VALUE }
     }
 }

@@ -246,7 +246,7 @@ fn a_store_gives_the_cells_of_its_source_back_not_their_tetrahedra() {
         let store = stored(&grid, &folder);
         let mesh = store.mesh().expect("a mesh");
         mesh.check().expect("a sound mesh");
-        assert_eq!((mesh.split_cells.solids.len(), mesh.topology.tets.len()), (6, 6 + 6 + 3 + 2 + 1 + 14 + 20));
+        assert_eq!((mesh.split_cells.solids.len(), mesh.topology.tets.len()), (6, 6 + 6 + 3 + 2 + 1 + 9 + 12));
         let back = StoredSeries::new(&store, &[]).expect("a source");
         assert_eq!(back.mesh().expect("a mesh"), open(&grid).1.mesh().expect("a mesh"));
     }

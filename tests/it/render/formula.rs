@@ -41,7 +41,7 @@ fn diagonal(mesh: &Mesh) -> f64 {
 /// All scalars, 4 units in the last place away.
 fn moved(job: &RenderJob, up: bool) -> RenderJob {
     let next = |s: &f32| (0..4).fold(*s, |s, _| if up { s.next_up() } else { s.next_down() });
-    RenderJob { scalars: Arc::new(job.scalars.iter().map(next).collect()), ..job.clone() }
+    RenderJob { scalars: Arc::new(job.scalars.values().iter().map(next).collect::<Vec<_>>()).into(), ..job.clone() }
 }
 
 /// What all images of a test came to.

@@ -20,8 +20,8 @@ pub fn with_joint_table(
     cell: Option<Vec<f32>>,
 ) -> RenderJob {
     let projection = table.projection().clone();
-    let scene =
-        JointScene { table: Arc::new(table), vertex_values: vertex.map(Arc::new), cell_values: cell.map(Arc::new) };
+    let row_values = vertex.map(|values| Arc::new(values).into());
+    let scene = JointScene { table: Arc::new(table), row_values, cell_values: cell.map(Arc::new) };
     RenderJob { table: projection, joint: Some(scene), ..job.clone() }
 }
 
@@ -104,14 +104,14 @@ fn the_comparison_notices_one_vertex_and_one_cell() {
         let judge = reference(&job);
         let scene = job.joint.clone().unwrap();
         let mut others = Vec::new();
-        if let Some(values) = &scene.vertex_values {
-            let mut values = (**values).clone();
+        if let Some(values) = &scene.row_values {
+            let mut values = values.values().to_vec();
             let nearest = (0..values.len()).min_by(|&a, &b| {
                 let from_eye = |v: usize| job.mesh.positions.world(v).distance(job.view.eye);
                 from_eye(a).total_cmp(&from_eye(b))
             });
             values[nearest.unwrap()] += 0.3;
-            others.push(JointScene { vertex_values: Some(Arc::new(values)), ..scene.clone() });
+            others.push(JointScene { row_values: Some(Arc::new(values).into()), ..scene.clone() });
         }
         if let Some(values) = &scene.cell_values {
             let mut values = (**values).clone();
@@ -248,7 +248,7 @@ fn a_quantity_of_cells_is_the_same_in_all_of_a_cell() {
 #[test]
 fn steps_hold_on_the_right_side_wherever_a_constant_field_lies_on_them() {
     let base = scene(4, PERSPECTIVE);
-    let (vertices, cells) = (base.scalars.len(), base.mesh.topology.tets.len());
+    let (vertices, cells) = (base.scalars.values().len(), base.mesh.topology.tets.len());
     let table = noisy(&SCALARS, &ROWS, &LAYERS, 5);
     for (scalar, vertex, cell) in [(0.1, 0.2, -0.1), (0.1, -9.0, 0.4), (-1.1, 0.8, 9.0), (0.3, 0.0, -0.7)] {
         let (scalar, vertex, cell) = (scalar as f32, vertex as f32, cell as f32);
@@ -257,7 +257,7 @@ fn steps_hold_on_the_right_side_wherever_a_constant_field_lies_on_them() {
         let (s, r, l) = (narrow(table.scalars()), narrow(table.vertex_axis()), narrow(table.cell_axis()));
         let table = noisy(&s, &r, &l, 5);
         let expected = table.eval(f64::from(scalar), f64::from(vertex), f64::from(cell));
-        let constant = RenderJob { scalars: Arc::new(vec![scalar; vertices]), ..base.clone() };
+        let constant = RenderJob { scalars: Arc::new(vec![scalar; vertices]).into(), ..base.clone() };
         let job = with_joint_table(&constant, table, Some(vec![vertex; vertices]), Some(vec![cell; cells]));
         let flat = super::table(&[(0.0, expected.rgb, expected.tau)]);
         let flat = RenderJob { table: Arc::new(flat), joint: None, ..job.clone() };
@@ -270,7 +270,7 @@ fn steps_hold_on_the_right_side_wherever_a_constant_field_lies_on_them() {
 #[test]
 fn values_that_are_no_numbers_have_the_lowest_row_and_layer_and_infinite_ones_the_last() {
     let base = scene(4, PERSPECTIVE);
-    let (vertices, cells) = (base.scalars.len(), base.mesh.topology.tets.len());
+    let (vertices, cells) = (base.scalars.values().len(), base.mesh.topology.tets.len());
     let table = noisy(&SCALARS, &ROWS, &LAYERS, 6);
     let with = |vertex: f32, cell: f32| {
         with_joint_table(&base, table.clone(), Some(vec![vertex; vertices]), Some(vec![cell; cells]))
@@ -325,11 +325,12 @@ fn what_is_left_out_changes_no_bit() {
             |i: usize, r: usize, l: usize| if table.scalars()[i] < 0.0 { [0.0; 4] } else { table.value(i, r, l) };
         let values = places.flat_map(|(l, r)| (0..columns).map(move |i| value(i, r, l))).collect();
         let cut = JointTable::new(scalars, table.vertex_axis().to_vec(), table.cell_axis().to_vec(), values).unwrap();
-        let [vertex, cell] = [&scene.vertex_values, &scene.cell_values].map(|v| v.as_ref().map(|v| (**v).clone()));
+        let vertex = scene.row_values.as_ref().map(|values| values.values().to_vec());
+        let cell = scene.cell_values.as_ref().map(|values| values.to_vec());
         let all = RenderJob { skip: Skip::NONE, ..with_joint_table(&job, cut, vertex, cell) };
         let mut visible = CellSet::none(all.active.universe());
         for cell in 0..all.active.universe() as u32 {
-            let scalars = all.mesh.topology.tets[cell as usize].map(|v| f64::from(all.scalars[v as usize]));
+            let scalars = all.mesh.topology.tets[cell as usize].map(|v| f64::from(all.scalars.values()[v as usize]));
             let (lo, hi) = scalars.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &s| (l.min(s), h.max(s)));
             visible.set(cell, all.active.contains(cell) && all.table.is_visible_in(lo, hi));
         }
@@ -372,7 +373,7 @@ fn depths_are_those_of_the_reference() {
 fn gaps_between_drawn_faces_have_both_quantities_of_their_ends() {
     // Where both are linear in space, the faces in between do not matter, but for the eye in the mesh.
     let base = scene(5, PERSPECTIVE);
-    let flat = |scalars: Vec<f32>| RenderJob { scalars: Arc::new(scalars), ..base.clone() };
+    let flat = |scalars: Vec<f32>| RenderJob { scalars: Arc::new(scalars).into(), ..base.clone() };
     let base = flat(sample(&base.mesh, |p| 0.7 * p.x - 0.2 * p.y + 0.3 * p.z));
     let vertex = sample(&base.mesh, |p| 0.3 * p.x + 0.5 * p.y - 0.4 * p.z);
     let eye = camera(DVec3::new(0.6, 0.7, 0.5), PERSPECTIVE).view(48, 48).unwrap();

@@ -60,7 +60,7 @@ fn one_vertex_and_one_cell_that_change_are_sent_and_seen() {
             let from_eye = |i: &usize| place(*i).distance(job.view.eye);
             (0..count).min_by(|a, b| from_eye(a).total_cmp(&from_eye(b))).unwrap()
         };
-        let vertex = nearest(job.scalars.len(), &|v| job.mesh.positions.world(v));
+        let vertex = nearest(job.scalars.values().len(), &|v| job.mesh.positions.world(v));
         let tets = &job.mesh.topology.tets;
         let middle = |c: usize| tets[c].map(|v| job.mesh.positions.world(v as usize)).iter().sum::<DVec3>() / 4.0;
         let cell = nearest(tets.len(), &middle);
@@ -71,10 +71,12 @@ fn one_vertex_and_one_cell_that_change_are_sent_and_seen() {
                 Arc::new(values)
             })
         };
-        let vertices = JointScene { vertex_values: changed(&scene.vertex_values, vertex, 0.3), ..scene.clone() };
+        let of_rows = scene.row_values.as_ref().map(|values| values.values().clone());
+        let row_values = changed(&of_rows, vertex, 0.3).map(Into::into);
+        let vertices = JointScene { row_values, ..scene.clone() };
         let cells = JointScene { cell_values: changed(&scene.cell_values, cell, 0.6), ..scene.clone() };
         for (what, other, differs) in
-            [("a vertex", vertices, scene.vertex_values.is_some()), ("a cell", cells, scene.cell_values.is_some())]
+            [("a vertex", vertices, scene.row_values.is_some()), ("a cell", cells, scene.cell_values.is_some())]
         {
             let other = RenderJob { joint: Some(other), ..job.clone() };
             if differs {
@@ -135,7 +137,7 @@ fn a_cell_more_is_seen_in_its_own_layer() {
         let camera = camera(DVec3::new(3.0, 2.0, 2.5), PERSPECTIVE);
         let plain = job(&mesh, sample(&mesh, wave), &camera, (32, 32), (**table.projection()).clone());
         let values = Some(Arc::new(vec![1.0; cells]));
-        let scene = JointScene { table: table.clone(), vertex_values: None, cell_values: values };
+        let scene = JointScene { table: table.clone(), row_values: None, cell_values: values };
         RenderJob { joint: Some(scene), ..plain }
     });
     // The sixth is where the table of five cells left off.
@@ -211,7 +213,7 @@ fn quantities_that_are_no_numbers_or_huge_or_tiny_agree() {
         let axis = |axis: &[f64]| axis.iter().map(|&x| f64::from((x * unit) as f32)).collect::<Vec<_>>();
         let scaled = |values: Vec<f32>| values.iter().map(|&v| (f64::from(v) * unit) as f32).collect::<Vec<_>>();
         let table = noisy(&axis(&SCALARS), &axis(&ROWS), &axis(&LAYERS), 6);
-        let scalars = Arc::new(scaled((*base.scalars).clone()));
+        let scalars = Arc::new(scaled(base.scalars.values().to_vec())).into();
         let base = RenderJob { scalars, ..base.clone() };
         let job = with_joint_table(&base, table, Some(scaled(vertex_values(&base))), Some(scaled(cell_values(&base))));
         assert_both_agree(&format!("unit {unit:e}"), &job);
@@ -227,13 +229,13 @@ fn constant_fields_on_the_places_of_the_axes_have_their_right_sides() {
         return;
     }
     let base = scene(3, PERSPECTIVE);
-    let (vertices, cells) = (base.scalars.len(), base.mesh.topology.tets.len());
+    let (vertices, cells) = (base.scalars.values().len(), base.mesh.topology.tets.len());
     let narrow = |axis: &[f64]| axis.iter().map(|&x| f64::from(x as f32)).collect::<Vec<_>>();
     let table = noisy(&narrow(&SCALARS), &narrow(&ROWS), &narrow(&LAYERS), 5);
     for (scalar, vertex, cell) in [(0.1, 0.2, -0.1), (0.1, -9.0, 0.4), (-1.1, 0.8, 9.0), (0.3, 0.0, -0.7)] {
         let (scalar, vertex, cell) = (scalar as f32, vertex as f32, cell as f32);
         let expected = table.eval(f64::from(scalar), f64::from(vertex), f64::from(cell));
-        let constant = RenderJob { scalars: Arc::new(vec![scalar; vertices]), ..base.clone() };
+        let constant = RenderJob { scalars: Arc::new(vec![scalar; vertices]).into(), ..base.clone() };
         let job = with_joint_table(&constant, table.clone(), Some(vec![vertex; vertices]), Some(vec![cell; cells]));
         let flat = super::table(&[(0.0, expected.rgb, expected.tau)]);
         let flat = reference(&RenderJob { table: Arc::new(flat), joint: None, ..job.clone() });

@@ -1,6 +1,7 @@
 //! Renderers against closed forms and against the reference.
 
 mod adaptive;
+mod cells;
 mod cuts;
 mod depth;
 mod formula;

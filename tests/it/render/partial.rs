@@ -84,8 +84,8 @@ fn hard_for_single_precision() -> Vec<(&'static str, RenderJob)> {
         let at = |share: f64| offset + range * (share - 0.5);
         let nodes: Vec<_> = nodes.iter().zip(rgb).map(|(&(s, tau), rgb)| (at(s), rgb, tau)).collect();
         let base = scene(&nodes);
-        let scalars = base.scalars.iter().map(|&s| at(0.5 + 0.33 * f64::from(s)) as f32).collect();
-        jobs.push((name, RenderJob { scalars: Arc::new(scalars), ..base }));
+        let scalars = base.scalars.values().iter().map(|&s| at(0.5 + 0.33 * f64::from(s)) as f32).collect::<Vec<_>>();
+        jobs.push((name, RenderJob { scalars: Arc::new(scalars).into(), ..base }));
     }
     jobs
 }

@@ -75,10 +75,10 @@ fn the_comparison_notices_a_changed_scalar_and_a_changed_pixel_convention() {
     let base = job(&mesh, sample(&mesh, wave), &camera(DVec3::new(3.0, 2.0, 2.0), PERSPECTIVE), (64, 64), dense());
     let judge = reference(&base);
     let mut other = base.clone();
-    let mut scalars = (*base.scalars).clone();
+    let mut scalars = base.scalars.values().to_vec();
     let middle = scalars.len() / 2;
     scalars[middle] += 0.1;
-    other.scalars = Arc::new(scalars);
+    other.scalars = Arc::new(scalars).into();
     assert_noticed("one scalar off by 5 % of the range", &raycast(&other), &judge);
     assert_noticed("a quarter of a pixel off at the edge", &raycast(&stretched(&base)), &judge);
 }
@@ -268,7 +268,7 @@ fn an_empty_view_and_a_transparent_table_cost_no_steps() {
 fn parts_that_do_not_belong_together_are_refused() {
     let mesh = Arc::new(build(grid(2, 0.0, 1, |_| true)));
     let good = job(&mesh, sample(&mesh, wave), &camera(DVec3::X * 5.0, PERSPECTIVE), (8, 8), dense());
-    let bad_scalars = RenderJob { scalars: Arc::new(vec![0.0; 3]), ..good.clone() };
+    let bad_scalars = RenderJob { scalars: Arc::new(vec![0.0; 3]).into(), ..good.clone() };
     let bad_cells = RenderJob { active: Arc::new(CellSet::all(7)), ..good };
     for renderer in [&mut Raycast::new() as &mut dyn Renderer, &mut Reference::new()] {
         assert!(renderer.render(bad_scalars.clone()).unwrap_err().to_string().contains("3 scalars"));

@@ -27,7 +27,12 @@ pub(super) fn shading(normals: Normals) -> SurfaceShading {
 pub(super) fn with_surfaces(job: &RenderJob, surfaces: &[Isosurface], shading: SurfaceShading) -> RenderJob {
     let mut scene = SurfaceScene::new(surfaces, shading, &job.table).unwrap();
     if scene.lacks_gradients() {
-        let found = VertexGradients::default().update(&job.mesh, &job.scalars, &job.active, &Cancel::new());
+        let found = VertexGradients::default().update(
+            &job.mesh,
+            job.scalars.of_vertices().unwrap(),
+            &job.active,
+            &Cancel::new(),
+        );
         scene = scene.with_gradients(found.unwrap());
     }
     RenderJob { surfaces: Some(scene), ..job.clone() }
@@ -52,7 +57,7 @@ pub(super) fn planes(path: &str, job: &RenderJob) -> Planes {
 }
 
 /// The renderers that there are on this machine beside the judge; the last two on its GPU.
-fn paths() -> Vec<&'static str> {
+pub(super) fn paths() -> Vec<&'static str> {
     let on_cpu = ["raycast", "portable", "faces"];
     #[cfg(feature = "gpu")]
     if gpu::context().is_some() {
@@ -166,7 +171,7 @@ fn surfaces_and_sections_have_the_colours_of_another_field_as_the_judge_has_them
         let mut scalars = sample(&base.mesh, |p| (3.0 * p.x).sin() * p.y + 50.0 * p.z);
         // It may have no value where the field that is drawn has one.
         scalars[base.mesh.topology.tets[5][0] as usize] = f32::NAN;
-        let beside = FieldBeside { scalars: Arc::new(scalars), colors: colors.clone() };
+        let beside = FieldBeside { scalars: Arc::new(scalars).into(), colors: colors.clone() };
         let cut = Cut { point: [0.1, 0.0, 0.0], normal: [1.0, 0.2, 0.0], clips: false, by: Some(0) };
         let planes_of = cut_planes(&[cut], &base.mesh.positions).unwrap();
         let surfaces = [Isosurface { by: Some(0), ..surface(0.2, RED, 0.6) }, surface(-0.6, BLUE, 0.35)];

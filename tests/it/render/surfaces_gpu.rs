@@ -289,11 +289,11 @@ fn scalars_of_any_size_have_the_surfaces_of_the_cpu() {
     // Times a number, and far from zero; denormal ones are multiplied before they are sent.
     for (times, offset) in [(1e-40, 0.0), (1e-20, 0.0), (1e34, 0.0), (1.0, 300.0), (1e-3, -7.0)] {
         let scaled = |s: f64| f64::from((s * times + offset) as f32);
-        let scalars = Arc::new(base.scalars.iter().map(|&s| scaled(f64::from(s)) as f32).collect::<Vec<_>>());
+        let scalars = Arc::new(base.scalars.values().iter().map(|&s| scaled(f64::from(s)) as f32).collect::<Vec<_>>());
         let nodes: Vec<_> =
             base.table.nodes().iter().map(|node| Node { scalar: scaled(node.scalar), ..*node }).collect();
         let table = Arc::new(NodeTable::new(nodes).unwrap());
-        let job = RenderJob { scalars, table, ..base.clone() };
+        let job = RenderJob { scalars: scalars.into(), table, ..base.clone() };
         let sheets: Vec<_> = sheets().iter().map(|s| Isosurface { value: scaled(s.value), ..*s }).collect();
         for normals in [Normals::Cell, Normals::Vertex] {
             for (what, job) in [
@@ -315,7 +315,10 @@ fn frames_with_and_without_surfaces_take_turns() {
     let base = with_holes((40, 31), OUTSIDE, PERSPECTIVE);
     let joint = joint_job(PERSPECTIVE, true);
     let smooth = shading(Normals::Vertex);
-    let other = RenderJob { scalars: Arc::new(base.scalars.iter().map(|s| 0.9 * s).collect()), ..base.clone() };
+    let other = RenderJob {
+        scalars: Arc::new(base.scalars.values().iter().map(|s| 0.9 * s).collect::<Vec<_>>()).into(),
+        ..base.clone()
+    };
     let jobs = [
         base.clone(),
         with_surfaces(&base, &sheets(), smooth),

@@ -57,7 +57,7 @@ fn a_renderer_changes_tables_with_jobs() {
     let other_table = RenderJob { table: Arc::new(table(&[(0.0, [1.0; 3], 0.5)])), ..first.clone() };
     let mesh = Arc::new(build(grid(4, 0.1, 5, |_| true)));
     let other_mesh = RenderJob {
-        scalars: Arc::new(sample(&mesh, wave)),
+        scalars: Arc::new(sample(&mesh, wave)).into(),
         active: Arc::new(tetreel::visibility::CellSet::all(mesh.topology.tets.len())),
         mesh,
         ..first.clone()

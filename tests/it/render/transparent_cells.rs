@@ -102,7 +102,7 @@ impl Scene {
 /// The same job without the cells in which nothing within `margin` of their scalars is visible.
 fn without_transparent_cells(job: &RenderJob, margin: f64) -> RenderJob {
     let is_visible = |cell: usize| {
-        let scalars = job.mesh.topology.tets[cell].map(|v| f64::from(job.scalars[v as usize]));
+        let scalars = job.mesh.topology.tets[cell].map(|v| f64::from(job.scalars.values()[v as usize]));
         let (lo, hi) = scalars.iter().fold((f64::MAX, f64::MIN), |(lo, hi), &s| (lo.min(s), hi.max(s)));
         job.active.contains(cell as u32) && job.table.is_visible_in(lo - margin, hi + margin)
     };

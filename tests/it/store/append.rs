@@ -75,9 +75,8 @@ fn comparable(store: &Path) -> BTreeMap<String, Vec<u8>> {
 fn assert_same(grown: &Store, whole: &Store, interruptions: usize, first: usize) {
     let (mut a, mut b) = (comparable(grown.path()), comparable(whole.path()));
     let quality = |files: &mut BTreeMap<String, Vec<u8>>| {
-        files.retain(|name, _| {
-            !(name.starts_with("fields/") && name.matches('/').count() == 2 && name.ends_with(".json"))
-        });
+        files
+            .retain(|name, _| !(name.contains("fields/") && name.matches('/').count() == 2 && name.ends_with(".json")));
     };
     quality(&mut a);
     quality(&mut b);
@@ -106,7 +105,7 @@ fn assert_same(grown: &Store, whole: &Store, interruptions: usize, first: usize)
             near(a.over_sigma.max, b.over_sigma.max, b.over_sigma.max * (bound + 4.0 * f64::EPSILON));
         }
         let name = b.name.clone();
-        let [a, b] = [grown, whole].map(|store| reader(store, &name).vertex_statistics().unwrap().unwrap());
+        let [a, b] = [grown, whole].map(|store| reader(store, &name).statistics().unwrap().unwrap());
         let bits = |values: &[f64]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
         assert_eq!((bits(&a.mean), &a.finite_count), (bits(&b.mean), &b.finite_count));
         for (a, b) in a.variance.iter().zip(&b.variance) {
@@ -114,7 +113,7 @@ fn assert_same(grown: &Store, whole: &Store, interruptions: usize, first: usize)
         }
         let is_noticed = |by: f64, a: f64, b: f64, bound: f64| (a * (1.0 + by) - b).abs() > bound * b;
         assert!(a.variance.iter().zip(&b.variance).any(|(&a, &b)| is_noticed(1e-12, a, b, bound)), "{name}");
-        let [a, b] = [grown, whole].map(|store| reader(store, &name).vertex_importance().unwrap());
+        let [a, b] = [grown, whole].map(|store| reader(store, &name).variation().unwrap());
         // The root of a share is half of it; each is rounded to f32.
         let bound = 0.5 * bound + f64::from(f32::EPSILON);
         let mut noticed = 0;
@@ -131,7 +130,7 @@ pub fn reader(store: &Store, name: &str) -> FieldReader {
 }
 
 pub fn decode(reader: &FieldReader, step: usize) -> Vec<u32> {
-    let mut out = vec![0.0; reader.vertex_count()];
+    let mut out = vec![0.0; reader.value_count()];
     reader.decode_step(step, &mut out).unwrap();
     out.iter().map(|x| x.to_bits()).collect()
 }

@@ -37,7 +37,7 @@ fn reader(store: &Path, field: &str, cache: &Arc<BlockCache>) -> FieldReader {
 }
 
 fn bits(reader: &FieldReader, step: usize) -> Vec<u32> {
-    let mut out = vec![0.0; reader.vertex_count()];
+    let mut out = vec![0.0; reader.value_count()];
     reader.decode_step(step, &mut out).unwrap();
     out.iter().map(|x| x.to_bits()).collect()
 }
@@ -120,7 +120,7 @@ fn whatever_is_played_in_its_direction_is_in_memory_when_it_is_shown() {
                 while reader.prefetch(&cancel).unwrap() {}
                 let next = backwards[i..].iter().find(|&&step| step / steps_of_block != backwards[i] / steps_of_block);
                 assert!(reader.is_resident(backwards[i]) && next.is_none_or(|&step| reader.is_resident(step)), "{i}");
-                let mut out = vec![0.0; reader.vertex_count()];
+                let mut out = vec![0.0; reader.value_count()];
                 assert_eq!(reader.decode_step(backwards[i], &mut out).unwrap().bytes_read, 0);
             }
             assert_eq!(cache.statistics().misses, 0);
@@ -138,7 +138,7 @@ fn a_raised_flag_stops_reading_decoding_and_loading_ahead() {
     for store in stores(dir.path()) {
         let cache = Arc::new(BlockCache::new(u64::MAX));
         let reader = reader(&store, "velocity:mag", &cache);
-        let mut out = vec![0.0; reader.vertex_count()];
+        let mut out = vec![0.0; reader.value_count()];
         reader.expect(&[3]);
         assert!(!reader.prefetch(&raised).unwrap());
         assert_eq!(reader.decode_step_unless(StepRequest::whole(3, &raised), &mut out).unwrap(), None);
@@ -177,7 +177,7 @@ fn a_damaged_chunk_met_ahead_is_named_and_the_rest_plays() {
         assert!(errors[0].path.ends_with(chunk) && errors[0].place == place, "{}", errors[0]);
         assert_eq!(steps.map(|step| reader.is_resident(step)).iter().filter(|&&resident| resident).count(), 2);
         let damaged = steps.into_iter().find(|&step| !reader.is_resident(step)).unwrap();
-        let error = reader.decode_step(damaged, &mut vec![0.0; reader.vertex_count()]).unwrap_err();
+        let error = reader.decode_step(damaged, &mut vec![0.0; reader.value_count()]).unwrap_err();
         assert!(error.path.ends_with(chunk) && error.place == format!("step {damaged}"), "{error}");
         std::fs::write(&path, sound).unwrap();
         assert!(steps.iter().all(|&step| bits(&reader, step) == expected[step]));

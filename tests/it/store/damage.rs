@@ -31,14 +31,14 @@ fn read_all(path: &Path) -> FileResult<(Mesh, Vec<Vec<u32>>)> {
     let mut values = Vec::new();
     for field in store.fields() {
         let reader = store.field(&field.name.parse().unwrap())?;
-        let mut out = vec![0.0; reader.vertex_count()];
+        let mut out = vec![0.0; reader.value_count()];
         for step in 0..reader.step_count() {
             reader.decode_step(step, &mut out)?;
             values.push(out.iter().map(|v| v.to_bits()).collect());
         }
-        reader.vertex_statistics()?;
+        reader.statistics()?;
         // There, or not there: never an error.
-        let _ = (reader.vertex_importance(), reader.intervals(6));
+        let _ = (reader.variation(), reader.intervals(6));
     }
     Ok((mesh, values))
 }
@@ -156,7 +156,7 @@ fn derived_arrays_that_are_missing_or_of_another_version_are_derived_again() {
 #[test]
 fn moments_that_are_missing_or_of_another_version_are_absent() {
     let (_dir, store) = intact(1);
-    let statistics = || Store::open(&store).unwrap().field(&"T".parse().unwrap()).unwrap().vertex_statistics().unwrap();
+    let statistics = || Store::open(&store).unwrap().field(&"T".parse().unwrap()).unwrap().statistics().unwrap();
     assert!(statistics().is_some());
     let metadata = store.join("fields/T/moments/zarr.json");
     let text = fs::read_to_string(&metadata).unwrap();

@@ -85,7 +85,7 @@ proptest! {
                 let name = if field.components == 1 { field.name.clone() } else { format!("{}:{component}", field.name) };
                 let reader = store.field(&name.parse().unwrap()).unwrap();
                 prop_assert_eq!(&reader.info().name, &name);
-                let mut out = vec![0.0; reader.vertex_count()];
+                let mut out = vec![0.0; reader.value_count()];
                 for (step, &of_source) in kept.iter().enumerate() {
                     reader.decode_step(step, &mut out).unwrap();
                     for (got, &vertex) in out.iter().zip(&mesh.vertex_source) {

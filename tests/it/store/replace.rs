@@ -176,7 +176,7 @@ fn a_reader_of_a_store_that_is_replaced_gives_what_it_opened_or_an_error() {
         for (open, name) in readers.iter().zip(&names) {
             let mut refused = 0;
             for step in 0..STEPS {
-                let mut values = vec![0.0; open.vertex_count()];
+                let mut values = vec![0.0; open.value_count()];
                 match open.decode_step(step, &mut values) {
                     Ok(_) => {
                         let bits: Vec<u32> = values.iter().map(|x| x.to_bits()).collect();
@@ -217,7 +217,7 @@ fn a_reader_never_mixes_series_while_stores_are_exchanged() {
         });
         let (mut open, mut refused) = (first, 0);
         while !done.load(Ordering::SeqCst) || refused == 0 {
-            let mut steps = [0, 2].map(|step| (step, vec![0.0; open.vertex_count()]));
+            let mut steps = [0, 2].map(|step| (step, vec![0.0; open.value_count()]));
             match steps.iter_mut().try_for_each(|(step, values)| open.decode_step(*step, values).map(drop)) {
                 Ok(()) => {
                     let bits = steps.map(|(_, values)| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>());

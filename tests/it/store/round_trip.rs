@@ -12,7 +12,7 @@ fn selector(text: &str) -> FieldSelector {
 }
 
 fn decode(reader: &FieldReader, step: usize) -> Vec<f32> {
-    let mut out = vec![0.0; reader.vertex_count()];
+    let mut out = vec![0.0; reader.value_count()];
     let stats = reader.decode_step(step, &mut out).unwrap();
     assert_eq!(stats.vertices_decoded, out.len() as u64);
     assert!(stats.bytes_read >= 4 * stats.vertices_decoded);
@@ -114,24 +114,31 @@ fn times_come_back_in_all_their_bits() {
     assert_eq!(decode(&reader, 2)[0], (source.value)("T", 0, 5, store.mesh().unwrap().vertex_source[0] as usize));
 }
 
-/// Mean over the cells around each vertex of the source, by search.
+/// Mean over the cells around each vertex of the source, weighted by their volumes, by search.
 fn naive_average(source: &Formulas, store: &Store, name: &str, component: usize, step: usize) -> Vec<f32> {
     let mesh = store.mesh().unwrap();
     let mean = |&vertex: &u32| {
-        let kept = mesh.cell_source.iter().filter(|&&cell| source.mesh.cells.tets[cell as usize].contains(&vertex));
-        let values: Vec<f64> = kept.map(|&c| f64::from((source.value)(name, component, step, c as usize))).collect();
-        (values.iter().sum::<f64>() / values.len() as f64) as f32
+        let (mut weighted, mut weights) = (0.0, 0.0);
+        for (cell, &of) in (0..).zip(&mesh.cell_source) {
+            if source.mesh.cells.tets[of as usize].contains(&vertex) {
+                let volume = mesh.cell_volume(cell);
+                weighted += volume * f64::from((source.value)(name, component, step, of as usize));
+                weights += volume;
+            }
+        }
+        (weighted / weights) as f32
     };
     mesh.vertex_source.iter().map(mean).collect()
 }
 
 #[test]
-fn cell_values_become_the_mean_over_the_kept_cells_around_a_vertex() {
+fn values_of_cells_brought_to_vertices_are_the_mean_over_the_kept_cells_around() {
     let mut source = sample(2);
     let flat = source.mesh.cells.tets.len() - 2;
     // What is dropped must not count: the flat cell and the duplicate are NaN.
     source.value = Box::new(move |name, c, s, i| if i >= flat { f32::NAN } else { super::distinct(name, c, s, i) });
-    let (_dir, store) = store_of(&source, &IngestOptions::default());
+    let options = IngestOptions { cells_to_points: true, ..Default::default() };
+    let (_dir, store) = store_of(&source, &options);
     for (name, field, component) in [("p", "p", 0), ("flux/area:1", "flux/area", 1)] {
         let values = decode(&store.field(&selector(name)).unwrap(), 1);
         // The same sum in f64 in the same order.
@@ -144,7 +151,8 @@ fn a_cell_that_is_not_finite_reaches_its_vertices_and_no_others() {
     let mut source = sample(1);
     source.value = Box::new(|_, _, _, i| if i == 20 { f32::NAN } else { 2.5 });
     let corners = source.mesh.cells.tets[20];
-    let (_dir, store) = store_of(&source, &IngestOptions { fields: vec![selector("p")], ..Default::default() });
+    let options = IngestOptions { fields: vec![selector("p")], cells_to_points: true, ..Default::default() };
+    let (_dir, store) = store_of(&source, &options);
     let values = decode(&store.field(&selector("p")).unwrap(), 0);
     for (value, vertex) in values.iter().zip(store.mesh().unwrap().vertex_source) {
         assert_eq!(value.is_nan(), corners.contains(&vertex));
@@ -175,7 +183,7 @@ fn a_vector_becomes_its_components_and_a_magnitude_that_is_not_stored() {
     let range = reader.info().range_per_step[1].unwrap();
     assert_eq!(range[0], values.iter().copied().fold(f32::MAX, f32::min));
     assert_eq!(range[1], values.iter().copied().fold(f32::MIN, f32::max));
-    assert_eq!(reader.vertex_statistics().unwrap().unwrap().mean.len(), values.len());
+    assert_eq!(reader.statistics().unwrap().unwrap().mean.len(), values.len());
 }
 
 #[test]
@@ -214,7 +222,7 @@ fn ranges_and_moments_are_those_of_the_finite_values() {
     let (_dir, store) = store_of(&source, &IngestOptions { fields: vec![selector("T")], ..Default::default() });
     let reader = store.field(&selector("T")).unwrap();
     let info = reader.info();
-    let vertices = reader.vertex_count();
+    let vertices = reader.value_count();
     let steps: Vec<Vec<f32>> = (0..5).map(|step| decode(&reader, step)).collect();
     let nonfinite = steps.iter().flatten().filter(|v| !v.is_finite()).count();
     assert!(nonfinite > vertices);
@@ -224,7 +232,7 @@ fn ranges_and_moments_are_those_of_the_finite_values() {
         let finite = || step.iter().copied().filter(|v| v.is_finite());
         assert_eq!(*range, Some([finite().fold(f32::MAX, f32::min), finite().fold(f32::MIN, f32::max)]));
     }
-    let statistics = reader.vertex_statistics().unwrap().unwrap();
+    let statistics = reader.statistics().unwrap().unwrap();
     let mut noticed = 0;
     for v in 0..vertices {
         let finite: Vec<f64> = steps.iter().map(|s| f64::from(s[v])).filter(|x| x.is_finite()).collect();
@@ -262,7 +270,7 @@ fn any_number_of_threads_writes_the_same_bytes() {
 fn one_step_is_a_series() {
     let (_dir, store) = store_of(&sample(1), &IngestOptions::default());
     assert_eq!(store.times().len(), 1);
-    let statistics = store.field(&selector("T")).unwrap().vertex_statistics().unwrap().unwrap();
+    let statistics = store.field(&selector("T")).unwrap().statistics().unwrap().unwrap();
     assert!(statistics.variance.iter().all(|&v| v == 0.0));
     let error = store.field(&selector("T")).unwrap().decode_step(1, &mut vec![0.0; 64]).unwrap_err();
     assert!(error.to_string().contains("step 1"), "{error}");

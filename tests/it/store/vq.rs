@@ -31,7 +31,7 @@ fn imported(dir: &Path, name: &str, options: &IngestOptions) -> (Store, IngestRe
 fn steps(store: &Store, field: &str) -> Vec<Vec<f32>> {
     let reader = store.field(&field.parse().unwrap()).unwrap();
     let decode = |step| {
-        let mut out = vec![0.0; reader.vertex_count()];
+        let mut out = vec![0.0; reader.value_count()];
         reader.decode_step(step, &mut out).unwrap();
         out
     };

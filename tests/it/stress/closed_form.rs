@@ -63,12 +63,13 @@ fn assert_known(name: &str, job: &RenderJob, unit: f64, expected: &Expected) {
     let mut other = job.clone();
     other.view.half_width *= 1.01;
     let stretched = error(&raycast(&other), &job.view, expected) / unit;
-    let mut scalars = (*job.scalars).clone();
+    let mut scalars = job.scalars.values().to_vec();
     scalars.iter_mut().step_by(10).for_each(|s| *s += 0.1);
     let mut nodes = job.table.nodes().to_vec();
     nodes.iter_mut().for_each(|n| n.tau *= 1.001);
     let denser = RenderJob { table: Arc::new(NodeTable::new(nodes).unwrap()), ..job.clone() };
-    let changed = error(&raycast(&RenderJob { scalars: Arc::new(scalars), ..job.clone() }), &job.view, expected) / unit;
+    let changed =
+        error(&raycast(&RenderJob { scalars: Arc::new(scalars).into(), ..job.clone() }), &job.view, expected) / unit;
     let denser = error(&raycast(&denser), &job.view, expected) / unit;
     let most = stretched.max(changed).max(denser);
     assert!(most > TOLERANCE, "{name}: {stretched:.1e}, {changed:.1e}, {denser:.1e}");

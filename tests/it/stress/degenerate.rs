@@ -90,7 +90,7 @@ fn a_series_of_one_step_is_stored_ranked_and_drawn() {
         let store = ingested(&series, &temp.path().join(format!("{name}.zarr")), "0");
         for field in store.fields() {
             let selector = FieldSelector { name: field.name.clone(), component: None };
-            let statistics = store.field(&selector).unwrap().vertex_statistics().unwrap().unwrap();
+            let statistics = store.field(&selector).unwrap().statistics().unwrap().unwrap();
             assert!(statistics.variance.iter().all(|&v| v == 0.0), "{name}: one value does not vary");
             for denominator in [CovDenominator::default(), CovDenominator::Plain] {
                 let cov = statistics.coefficient_of_variation(field.range, denominator);

@@ -18,11 +18,11 @@ fn lose_cell(job: &RenderJob, cell: u32) -> Option<RenderJob> {
 
 fn exchange_scalars(job: &RenderJob, cell: u32) -> Option<RenderJob> {
     let ours = job.mesh.topology.tets[cell as usize][0] as usize;
-    let other = (ours + job.scalars.len() / 2) % job.scalars.len();
-    let mut scalars = (*job.scalars).clone();
+    let other = (ours + job.scalars.values().len() / 2) % job.scalars.values().len();
+    let mut scalars = job.scalars.values().to_vec();
     scalars.swap(ours, other);
     let is_change = scalars[ours].is_finite() && scalars[other].is_finite() && scalars[ours] != scalars[other];
-    is_change.then(|| RenderJob { scalars: Arc::new(scalars), ..job.clone() })
+    is_change.then(|| RenderJob { scalars: Arc::new(scalars).into(), ..job.clone() })
 }
 
 /// Within its cell, so that the mesh stays one.

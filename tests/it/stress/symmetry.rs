@@ -48,7 +48,7 @@ fn mirrored(job: &RenderJob, scalars_at: impl Fn(DVec3) -> f64) -> RenderJob {
     (view.eye, view.forward, view.up, view.right) =
         (flip(view.eye), flip(view.forward), flip(view.up), -flip(view.right));
     let active = tetreel::visibility::finite_cells(&mesh.topology, &scalars);
-    RenderJob { mesh, scalars: Arc::new(scalars), active: Arc::new(active), view, ..job.clone() }
+    RenderJob { mesh, scalars: Arc::new(scalars).into(), active: Arc::new(active), view, ..job.clone() }
 }
 
 fn flipped(image: &RgbaImage) -> RgbaImage {

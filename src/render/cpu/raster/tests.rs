@@ -19,7 +19,7 @@ fn both(mesh: &Arc<Mesh>, view: &View, perturb: f64, lanes: impl Lanes) -> (Vec<
     let never = Cancel::new();
     let (mut vertices, mut screen) = (Vec::new(), Vec::new());
     let scalars: Vec<f32> = mesh.positions.local.iter().map(|p| p.x + 0.5 * p.y).collect();
-    transform(view, &mesh.positions.local, &scalars, None, &never, &mut vertices);
+    transform(view, &mesh.positions.local, &Arc::new(scalars).into(), None, &never, &mut vertices);
     project(view, &vertices, None, &never, &mut screen);
     let source = BoxSource { view, vertices: &vertices, screen: &screen };
     let bounds = Bounds { x0: 0, x1: view.width_px, y0: 0, y1: view.height_px };

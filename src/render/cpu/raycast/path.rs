@@ -7,6 +7,7 @@
 use super::super::ray::{Crossing, Ray, Sheared, ViewVertex, crossing, hit, signed_edge};
 use super::entries::face_of;
 use super::walk::Scene;
+use crate::field::Scalars;
 use crate::mesh::Mesh;
 
 /// Index of the corner that a new vertex replaces so that the triangle stays around the origin, from the signs of edge(vertex, corner i)
@@ -38,8 +39,12 @@ fn newest_corner<M>(
 ) -> Option<usize> {
     let Mesh { topology, positions, .. } = scene.mesh;
     let across = topology.neighbours[cell as usize][opposite as usize & 3];
-    let far = topology.tets[across.cell()? as usize][across.opposite() as usize];
-    let scalar = scene.scalars[far as usize];
+    let behind = across.cell()?;
+    let far = topology.tets[behind as usize][across.opposite() as usize];
+    let scalar = match scene.scalars {
+        Scalars::Vertices(scalars) => scalars[far as usize],
+        Scalars::Cells(scalars) => scalars[behind as usize],
+    };
     if !scalar.is_finite() {
         return None;
     }

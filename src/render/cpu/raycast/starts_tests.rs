@@ -44,7 +44,7 @@ impl Scene {
     fn prepare(&self) -> Prepared {
         let (never, local) = (Cancel::new(), &self.mesh.positions.local);
         let (mut vertices, mut screen) = (Vec::new(), Vec::new());
-        transform(&self.view, local, &vec![0.0; local.len()], None, &never, &mut vertices);
+        transform(&self.view, local, &Arc::new(vec![0.0; local.len()]).into(), None, &never, &mut vertices);
         project(&self.view, &vertices, None, &never, &mut screen);
         let (mut faces, mut bins) = (EntryFaces::default(), EntryBins::default());
         faces.update(&self.mesh, &self.active, false, &never);

@@ -14,6 +14,7 @@ use super::path::{self, REPLACED, TURNED};
 use super::rays::RayPlane;
 use super::starts::{Entries, PixelStart, StartScratch};
 use crate::camera::View;
+use crate::field::Scalars;
 use crate::mesh::Mesh;
 use crate::optics::Accumulator;
 use crate::slowdown::{Slow, waste};
@@ -31,7 +32,7 @@ pub(super) struct Scene<'a, M> {
     pub(super) plane: RayPlane<'a>,
     pub(super) medium: &'a M,
     pub(super) vertices: &'a [ViewVertex],
-    pub(super) scalars: &'a [f32],
+    pub(super) scalars: &'a Scalars,
     pub(super) entries: Entries<'a>,
     /// Entries into the domain of adaptive sampling, if it differs from the cells walked.
     pub(super) domain: Option<Entries<'a>>,

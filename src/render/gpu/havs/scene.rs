@@ -76,7 +76,7 @@ impl Scene {
     ) -> Result<(), RenderError> {
         let (how, kind, inside) = (Gathering::of(job), FragmentKind::of(job), Inside::of(job));
         let later = [Stage::FaceScan, Stage::FaceSort(kind), Stage::FaceResolve(how, inside, precision)];
-        let finding = [Pass::Count, Pass::Store(kind, inside)].into_iter().flat_map(|pass| {
+        let finding = [Pass::Count, Pass::Store(kind, inside.of_fragments())].into_iter().flat_map(|pass| {
             [Stage::Faces(pass, precision), Stage::FacePieces(pass, precision), Stage::FaceStarts(pass, precision)]
         });
         self.pipelines.prepare(context, NO_RECORDS, [Stage::ViewTransform].into_iter().chain(finding).chain(later))

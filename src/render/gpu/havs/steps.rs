@@ -164,7 +164,7 @@ impl FaceJob {
 /// The stage of a job's step; `None` for `End`.
 pub(super) fn stage(step: Step, job: &RenderJob, precision: Precision) -> Option<Stage> {
     let kind = FragmentKind::of(job);
-    let (count, store) = (Pass::Count, Pass::Store(kind, Inside::of(job)));
+    let (count, store) = (Pass::Count, Pass::Store(kind, Inside::of(job).of_fragments()));
     Some(match step {
         Step::CountFaces => Stage::Faces(count, precision),
         Step::CountStarts => Stage::FaceStarts(count, precision),

@@ -29,7 +29,7 @@ fn read_store(folder: &Folder) -> FileResult<()> {
         // The name that is stored is one that the user can give.
         let Ok(selector) = field.name.parse();
         let reader = store.field(&selector)?;
-        let mut out = vec![0.0; reader.vertex_count()];
+        let mut out = vec![0.0; reader.value_count()];
         // The ends of the first blocks, and of the series.
         let last = reader.step_count() - 1;
         for step in [0, 1, 63, 64, last] {
@@ -38,10 +38,10 @@ fn read_store(folder: &Folder) -> FileResult<()> {
             }
         }
         assert!(reader.decode_step(last + 1, &mut out).is_err());
-        if let Some(statistics) = reader.vertex_statistics()? {
+        if let Some(statistics) = reader.statistics()? {
             statistics.coefficient_of_variation(field.range, Default::default());
         }
-        let importance = reader.vertex_importance();
+        let importance = reader.variation();
         assert!(importance.is_none_or(|values| values.len() == out.len() && values.iter().all(|&v| v >= 0.0)));
         for interval in reader.intervals(6).unwrap_or_default() {
             assert!(interval.first <= interval.sampled && interval.sampled < interval.end);

@@ -171,7 +171,7 @@ fn steady_frames_make_no_resources() {
         );
         RenderJob {
             view: camera.view(64, 48).unwrap(),
-            scalars: Arc::new(scalars),
+            scalars: Arc::new(scalars).into(),
             table: Arc::new(table.unwrap()),
             ..base.clone()
         }
@@ -186,8 +186,8 @@ fn steady_frames_make_no_resources() {
         let shown = renderer.render(frame(i)).unwrap().clone();
         assert_within(&format!("frame {i}"), &shown.planes.color, &raycast(&frame(i)));
         assert_eq!(shown.stats.entry_retries, 0);
-        assert!(shown.stats.bytes_uploaded >= 4 * base.scalars.len() as u64, "the scalars are new");
-        assert!(shown.stats.bytes_uploaded < 4096 + 4 * base.scalars.len() as u64, "and the mesh is not");
+        assert!(shown.stats.bytes_uploaded >= 4 * base.scalars.values().len() as u64, "the scalars are new");
+        assert!(shown.stats.bytes_uploaded < 4096 + 4 * base.scalars.values().len() as u64, "and the mesh is not");
     }
     assert_eq!(context.resources_created(), before);
     // The counter notices a larger image.
@@ -237,7 +237,7 @@ fn jobs_beyond_the_gpu_are_refused_and_the_next_is_rendered() {
     far.view.eye = far.mesh.positions.scale * (EYE_DISTANCE_MAX + 2.0) * DVec3::X;
     assert_refused(&mut renderer, far, "too far", &next);
     // What the job itself lacks is said as on the CPU.
-    let short = RenderJob { scalars: Arc::new(vec![0.0; 3]), ..next.clone() };
+    let short = RenderJob { scalars: Arc::new(vec![0.0; 3]).into(), ..next.clone() };
     assert!(matches!(renderer.render(short), Err(RenderError::ScalarCount { .. })));
     assert_within("after all", &renderer.render(next.clone()).unwrap().planes.color, &raycast(&next));
 }
@@ -350,7 +350,7 @@ fn a_renderer_used_again_keeps_nothing_of_the_jobs_before() {
     (0..some.universe() as u32).step_by(3).for_each(|cell| some.set(cell, false));
     jobs.push(RenderJob { active: Arc::new(some), ..base.clone() });
     jobs.push(RenderJob { table: Arc::new(table(&[(0.0, [1.0; 3], 0.0)])), ..base.clone() });
-    jobs.push(RenderJob { scalars: Arc::new(vec![0.3; base.scalars.len()]), ..base.clone() });
+    jobs.push(RenderJob { scalars: Arc::new(vec![0.3; base.scalars.values().len()]).into(), ..base.clone() });
     jobs.push(RenderJob { optics: tetreel::optics::OpticsKind::Table3d, ..base });
     let fresh: Vec<_> = jobs.iter().map(|job| frame_of(&context, job)).collect();
     let mut renderer = GpuRaycast::new(context);

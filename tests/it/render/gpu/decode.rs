@@ -64,7 +64,7 @@ fn steps_decoded_on_the_gpu_are_drawn_as_those_decoded_on_the_cpu() {
             let job = pipeline.prepare(&FrameRequest::new(step, camera, table.clone(), (64, 48))).unwrap();
             let name = format!("{entries} entries, step {step}");
             let decoded = renderer.render(job.clone()).unwrap().clone();
-            let vertices = job.scalars.len() as u64;
+            let vertices = job.scalars.values().len() as u64;
             assert_eq!(decoded.stats.vertices_decoded_on_gpu, vertices, "{name}");
             // A step is 32 bytes as long as its block is there.
             let is_there = last_block.replace(step / 64) == Some(step / 64);
@@ -73,7 +73,8 @@ fn steps_decoded_on_the_gpu_are_drawn_as_those_decoded_on_the_cpu() {
 
             // The same scalars once more are there; in another place they are sent.
             assert_eq!(renderer.render(job.clone()).unwrap().stats.vertices_decoded_on_gpu, 0);
-            let sent = RenderJob { compressed: None, scalars: Arc::new(job.scalars.to_vec()), ..job.clone() };
+            let sent =
+                RenderJob { compressed: None, scalars: Arc::new(job.scalars.values().to_vec()).into(), ..job.clone() };
             let sent = renderer.render(sent).unwrap().clone();
             assert_eq!(sent.stats.vertices_decoded_on_gpu, 0);
             assert_within(&name, &decoded.planes.color, &sent.planes.color);
@@ -85,8 +86,8 @@ fn steps_decoded_on_the_gpu_are_drawn_as_those_decoded_on_the_cpu() {
             // The comparison notices the wrong step.
             if let Some(CompressedStep { block, step: 1 }) = job.compressed.clone() {
                 let wrong = CompressedStep { block, step: 2 };
-                let scalars = Arc::new(job.scalars.to_vec());
-                let wrong = RenderJob { compressed: Some(wrong), scalars, ..job };
+                let scalars = Arc::new(job.scalars.values().to_vec());
+                let wrong = RenderJob { compressed: Some(wrong), scalars: scalars.into(), ..job };
                 assert!(
                     difference(&renderer.render(wrong).unwrap().planes.color, &sent.planes.color).1 > 1e-3,
                     "{name}"

@@ -186,7 +186,7 @@ fn jobs_without_faces_or_with_wrong_ones_are_refused() {
     assert!(refused(RenderJob { faces: Some(Arc::new(faces)), ..good.clone() }).contains("face 10000000"));
     assert!(refused(with_buffer(&good, 1, true)).contains("2 to 32"));
     assert!(refused(with_buffer(&good, 33, true)).contains("2 to 32"));
-    assert!(refused(RenderJob { scalars: Arc::new(vec![0.0; 3]), ..good }).contains("3 scalars"));
+    assert!(refused(RenderJob { scalars: Arc::new(vec![0.0; 3]).into(), ..good }).contains("3 scalars"));
 }
 
 #[test]

@@ -198,7 +198,7 @@ fn steady_frames_make_no_resources() {
         let nodes = base.table.nodes().iter().map(|n| Node { tau: n.tau * (1.0 + 0.1 * i as f64), ..*n }).collect();
         with_all_faces(&RenderJob {
             view: camera.view(64, 48).unwrap(),
-            scalars: Arc::new(scalars),
+            scalars: Arc::new(scalars).into(),
             table: Arc::new(NodeTable::new(nodes).unwrap()),
             ..base.clone()
         })
@@ -213,7 +213,7 @@ fn steady_frames_make_no_resources() {
         let job = frame(i);
         let shown = renderer.render(job.clone()).unwrap().clone();
         assert_within(&format!("frame {i}"), &shown.planes.color, &raycast(&job));
-        let new = 4 * (base.scalars.len() + job.faces.as_ref().unwrap().faces.len()) as u64;
+        let new = 4 * (base.scalars.values().len() + job.faces.as_ref().unwrap().faces.len()) as u64;
         assert!(shown.stats.bytes_uploaded >= new, "scalars and order are new");
         assert!(shown.stats.bytes_uploaded < 4096 + new, "and the mesh is not");
     }
@@ -244,7 +244,7 @@ fn jobs_without_faces_or_with_wrong_ones_are_refused_as_on_the_cpu() {
         RenderJob { faces: faces(vec![0, 10_000_000]), ..good.clone() },
         with_buffer(&good, 1, true),
         with_buffer(&good, 33, true),
-        RenderJob { scalars: Arc::new(vec![0.0; 3]), ..good.clone() },
+        RenderJob { scalars: Arc::new(vec![0.0; 3]).into(), ..good.clone() },
     ] {
         let expected = Havs::new().render(bad.clone()).map(|_| ()).unwrap_err();
         assert_eq!(renderer.render(bad).map(|_| ()).unwrap_err(), expected);

@@ -68,7 +68,7 @@ fn start(job: &RenderJob) -> Option<Hit> {
         let volume = |a: DVec3, b: DVec3, c: DVec3, d: DVec3| (b - a).cross(c - a).dot(d - a);
         let weights = [volume(eye, b, c, d), volume(a, eye, c, d), volume(a, b, eye, d), volume(a, b, c, eye)];
         let sum: f64 = weights.iter().sum();
-        let scalar = (0..4).map(|i| weights[i] / sum * f64::from(job.scalars[ids[i] as usize])).sum();
+        let scalar = (0..4).map(|i| weights[i] / sum * f64::from(job.scalars.values()[ids[i] as usize])).sum();
         weights.iter().all(|w| w / sum >= 0.0).then_some(Hit { depth: 0.0, scalar, goes_on: true })
     })
 }
@@ -86,7 +86,7 @@ fn hit(job: &RenderJob, face: u32, origin: DVec3, direction: DVec3) -> Option<Hi
     if !(weights.iter().all(|w| *w > 0.0) && (depth > 0.0 || !job.view.perspective)) {
         return None;
     }
-    let scalar = (0..3).map(|i| weights[i] * f64::from(job.scalars[ids[i] as usize])).sum();
+    let scalar = (0..3).map(|i| weights[i] * f64::from(job.scalars.values()[ids[i] as usize])).sum();
     let is_behind = |cell: u32| {
         let centroid: DVec3 =
             topology.tets[cell as usize].iter().map(|&v| 0.25 * job.mesh.positions.world(v as usize)).sum();

@@ -240,6 +240,8 @@ struct Cells<'a> {
     /// Bits of the active cells; `None` if all are active.
     active: Option<&'a [u64]>,
     perspective: bool,
+    /// One scalar per cell, if the medium has these instead of those of vertices.
+    scalars: Option<&'a [f32]>,
 }
 
 /// Outcome of a step.
@@ -251,7 +253,7 @@ struct Stepped {
 }
 
 #[inline(always)]
-fn walk<'a, M, L: Lanes, K: Lights>(
+fn walk<'a, M: Medium, L: Lanes, K: Lights>(
     lanes: L,
     scene: &'a Scene<'a, M>,
     mut rays: Rays<'a, M>,
@@ -267,6 +269,7 @@ fn walk<'a, M, L: Lanes, K: Lights>(
         vertices: bytemuck::cast_slice(scene.vertices),
         active: (!scene.all_active).then(|| scene.active.words()),
         perspective: scene.view.perspective,
+        scalars: scene.medium.cell_scalars(),
     };
     let most = rays.rest.len() * topology.tets.len();
     let mut slots = Slots::default();
@@ -361,13 +364,19 @@ fn walk_on<L: Lanes, K: Lights>(
     let stepped = loop {
         let row = rows.count % rows::ROWS;
         rows.from_depth[row] = lanes.store(place.depth);
-        rows.from_scalar[row] = lanes.store(place.scalar);
         if K::CELLS {
             rows.cell[row] = cast(place.at);
         }
+        rows.from_scalar[row] = match cells.scalars {
+            None => lanes.store(place.scalar),
+            Some(scalars) => scalars_of(scalars, cast(place.at)),
+        };
         let stepped = step(lanes, cells, &mut place, alive);
         rows.to_depth[row] = lanes.store(place.depth);
-        rows.to_scalar[row] = lanes.store(place.scalar);
+        rows.to_scalar[row] = match cells.scalars {
+            None => lanes.store(place.scalar),
+            Some(_) => rows.from_scalar[row],
+        };
         rows.alive[row] = alive;
         rows.count = row + 1;
         if alive & !stepped.goes_on != 0 || rows.count >= most {
@@ -376,6 +385,14 @@ fn walk_on<L: Lanes, K: Lights>(
     };
     place.store(lanes, slots);
     stepped
+}
+
+/// The scalars of cells, given as in [`CellNeighbour`](crate::mesh::CellNeighbour).
+#[inline(always)]
+fn scalars_of(scalars: &[f32], at: [u32; LANES]) -> Eight {
+    let [a, b, c, d, e, f, g, h] = at;
+    let of = |at: u32| f64::from(scalars[at as usize >> 2]);
+    [of(a), of(b), of(c), of(d), of(e), of(f), of(g), of(h)]
 }
 
 /// Walks each lane through one cell.

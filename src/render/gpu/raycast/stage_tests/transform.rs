@@ -95,15 +95,15 @@ fn scalars_are_seen_through_their_map() {
     let base = job(&mesh, &cameras(DVec3::ZERO)[0].1, (40, 30));
     // Below 2^-63 scalars are sent times 2^100 (`GpuScalars`).
     for (factor, shift, prescale) in [(1.0, 0.0, 1.0), (1e-30, 0.0, 100f64.exp2()), (3.0, 1e4, 1.0)] {
-        let scalars: Vec<f32> = base.scalars.iter().map(|s| s * factor + shift).collect();
+        let scalars: Vec<f32> = base.scalars.values().iter().map(|s| s * factor + shift).collect();
         let nodes = base.table.nodes().iter();
         let nodes = nodes.map(|n| Node { scalar: n.scalar * f64::from(factor) + f64::from(shift), ..*n }).collect();
         let table = Arc::new(NodeTable::new(nodes).unwrap());
-        let job = RenderJob { scalars: Arc::new(scalars), table, ..base.clone() };
+        let job = RenderJob { scalars: Arc::new(scalars).into(), table, ..base.clone() };
         let Prepared { params, vertices, .. } = prepare(&context, &job);
         // A difference and a product, rounded by 2^-24 each.
         let bound = 1.01 / (1u64 << 23) as f64;
-        let sent: Vec<_> = job.scalars.iter().map(|&s| f64::from(s) * prescale).collect();
+        let sent: Vec<_> = job.scalars.values().iter().map(|&s| f64::from(s) * prescale).collect();
         let error = largest_scalar_error(&vertices, &params, &sent);
         assert!(error <= bound, "factor {factor}, shift {shift}: {error:.1e}");
         let other = Params { scalar_scale: params.scalar_scale * (1.0 + 1e-6), ..params };
