@@ -1,6 +1,8 @@
 // Decode: a step of codec `vq` from its compressed block, which stays in the GPU's memory while its 64 steps are played.
 // CPU twin: codec/vq/block.rs, `decode_finite`; the formula is in the documentation of `VqBlock`.
 //
+// Every operation is rounded as on the CPU: a product with a power of two is exact, and the sums are not to be merged.
+//
 // Non-finite values are not restored: cells that have one are inactive, so that no stage reads them.
 
 // Offsets into `block`, in words.
@@ -17,6 +19,13 @@ struct VqStep {
     second: u32,
     // Base-2 logarithm of the indices per word: four of 8 bits or two of 16.
     per_word_log2: u32,
+    // Weight of the step in a mixture, as a sum of three.
+    weight: vec3<f32>,
+    // Zero, unknown to the compiler.
+    zero: u32,
+    // Weight of the step that has been decoded before this one.
+    weight_before: vec3<f32>,
+    unused: u32,
 }
 
 const NONE: u32 = 0xffffffffu;
@@ -47,5 +56,7 @@ fn decode_vq(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgrou
         let half = exponent >> 1u;
         difference = difference * power(half) * power(exponent - half);
     }
-    scalars[v] = bitcast<f32>(block[step.means + v]) + difference;
+    // Hidden from the compiler, which could add the mean before.
+    difference = bitcast<f32>(bitcast<u32>(difference) ^ step.zero);
+    scalars[v] = at_moment(v, bitcast<f32>(block[step.means + v]) + difference);
 }

@@ -11,7 +11,6 @@ use super::{
     Backend, DrawnBy, FaceDetail, FrameRequest, FrameTime, PipelineError, RequestError, SampleSet, TetLayer, Upsampling,
 };
 use crate::camera::{Samples, View};
-use crate::codec::vq;
 use crate::field::{Association, Scalars};
 use crate::lod::Selector;
 use crate::mesh::Plane;
@@ -23,7 +22,7 @@ use crate::render::residual::lattice;
 use crate::render::surfaces::screen::{Screen, set_guides};
 use crate::render::surfaces::{FieldBeside, Normals, SurfaceScene, SurfaceShading, VertexGradients, cut_planes};
 use crate::render::upsampling::small_view;
-use crate::render::{CompressedStep, KBuffer, LayerFragments, OpticsTables, Planes, RenderError, RenderJob};
+use crate::render::{CompressedScalars, KBuffer, LayerFragments, OpticsTables, Planes, RenderError, RenderJob};
 use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
 use crate::task::Cancel;
@@ -40,7 +39,7 @@ pub(super) struct Decoded {
     layer: TetLayer,
     by: DrawnBy,
     scalars: Scalars,
-    compressed: Option<CompressedStep>,
+    compressed: Option<CompressedScalars>,
     /// Scalar intervals where the table is transparent.
     transparent: Arc<TransparentIntervals>,
     /// The colours of surfaces and sections.
@@ -107,13 +106,8 @@ impl Decode {
         let beside = self.beside(series, &layer, request.time, cancel, &mut stats)?;
         let known = needed.map(|needed| needed.labels).unwrap_or_default();
         stats.chunks_skipped = known.iter().filter(|label| label.is_some()).count() as u64;
-        // No block holds a mixture of two steps, and the CPU does not use blocks.
-        let is_for_gpu = request.backend != Backend::Cpu && by == DrawnBy::Raycast;
-        let block = match request.time.toward() {
-            None if is_for_gpu => series.source.vq_block(request.time.step())?,
-            _ => None,
-        };
-        let compressed = block.map(|block| CompressedStep { block, step: request.time.step() % vq::STEPS });
+        let is_for_gpu = request.backend != Backend::Cpu && by != DrawnBy::Reference;
+        let compressed = if is_for_gpu { series.compressed(request.time)? } else { None };
         stats.ms_decode = started.elapsed().as_secs_f64() * 1e3;
         Ok(Decoded { layer, by, scalars, compressed, transparent, colors, beside, known, stats })
     }

@@ -1,7 +1,8 @@
 //! One field of a store, opened for playing.
 
 use super::kept::{ChunkRanges, Quantities, Rankings};
-use crate::codec::vq::VqBlock;
+use super::time::FrameTime;
+use crate::codec::vq::{self, VqBlock};
 use crate::codec::{BlockCache, DecodeStats, StepRequest};
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, FieldSelector, Scalars, TimeAxis};
@@ -9,6 +10,7 @@ use crate::histograms::Histogram;
 #[cfg(doc)]
 use crate::histograms::Kind;
 use crate::mesh::Mesh;
+use crate::render::{CompressedScalars, CompressedStep};
 use crate::store::{FieldReader, Store, StoredField};
 use crate::task::Cancel;
 use std::path::PathBuf;
@@ -203,6 +205,23 @@ impl Series {
     /// What has the scalars: vertices or cells.
     pub fn association(&self) -> Association {
         self.field.values_of
+    }
+
+    /// The scalars of a time as they are compressed, for a GPU that decodes them; `None` if their codec has no blocks. Those of a mixture
+    /// only while the blocks of both steps are in memory: decoded steps are kept longer, and reading blocks again takes longer than to mix.
+    pub(super) fn compressed(&self, time: FrameTime) -> FileResult<Option<CompressedScalars>> {
+        let of = |step: usize| -> FileResult<Option<CompressedStep>> {
+            Ok(self.source.vq_block(step)?.map(|block| CompressedStep { block, step: step % vq::STEPS }))
+        };
+        let toward = match time.toward() {
+            None => None,
+            Some((next, _)) if !(self.is_resident(time.step()) && self.is_resident(next)) => return Ok(None),
+            Some((next, weight)) => {
+                let Some(next) = of(next)? else { return Ok(None) };
+                Some((next, weight))
+            }
+        };
+        Ok(of(time.step())?.map(|step| CompressedScalars { step, toward }))
     }
 
     /// Number of scalars of a step.

@@ -52,7 +52,7 @@ pub struct RenderJob {
     /// The scalars; those of active cells, or at their vertices, are finite.
     pub scalars: Scalars,
     /// The same scalars as compressed in the store, for renderers that decode them on the device.
-    pub compressed: Option<CompressedStep>,
+    pub compressed: Option<CompressedScalars>,
     /// The cells to draw; all others count as outside. Holds no cell with a non-finite scalar.
     pub active: Arc<CellSet>,
     /// All cells with finite scalars, if `active` leaves out some in which nothing is visible: a renderer may traverse those as well
@@ -134,6 +134,22 @@ pub struct CompressedStep {
     pub block: Arc<VqBlock>,
     /// Index of the step in the block.
     pub step: usize,
+}
+
+/// Scalars as they are compressed in codec `vq`: those of a step, or a linear mixture of two.
+#[derive(Clone, Debug)]
+pub struct CompressedScalars {
+    /// The step, or the first of the two.
+    pub step: CompressedStep,
+    /// The second step and its weight, in (0, 1). Both decoded values are weighted and added in f64, then rounded to f32.
+    pub toward: Option<(CompressedStep, f64)>,
+}
+
+impl CompressedScalars {
+    /// The step, or both.
+    pub fn steps(&self) -> impl Iterator<Item = &CompressedStep> + Clone {
+        [&self.step].into_iter().chain(self.toward.iter().map(|(step, _)| step))
+    }
 }
 
 /// Why a job cannot be rendered.

@@ -95,7 +95,7 @@ pub struct FrameStats {
     pub entry_retries: u64,
     /// Bytes sent to the GPU.
     pub bytes_uploaded: u64,
-    /// Scalars decoded on the GPU.
+    /// Scalars decoded on the GPU, of both steps between two.
     pub vertices_decoded_on_gpu: u64,
     /// GPU milliseconds for decoding; `None` if it did not decode, or has no timestamps.
     pub ms_gpu_decode: Option<f64>,

@@ -8,7 +8,7 @@ use super::resources::{Kind, Resource};
 use crate::mesh::Mesh;
 use crate::optics::ScalarMap;
 use crate::render::surfaces::SurfaceScene;
-use crate::render::{RenderError, RenderJob};
+use crate::render::{CompressedScalars, RenderError, RenderJob};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::{Arc, Weak};
@@ -303,7 +303,7 @@ pub(super) struct GpuScalars {
     prescale: f32,
     largest: f32,
     converted: Vec<f32>,
-    /// Decodes compressed steps on the GPU.
+    /// Decodes compressed scalars on the GPU.
     pub(super) decoder: BlockDecoder,
 }
 
@@ -342,10 +342,10 @@ impl GpuScalars {
             self.of = Arc::downgrade(scalars);
             return Ok((f64::from(self.prescale), 0));
         }
-        let compressed =
-            job.compressed.as_ref().filter(|c| self.prescale == 1.0 && c.block.means().len() == scalars.len());
-        if let Some(step) = compressed
-            && let Some(sent) = self.decoder.prepare(context, step, buffer)?
+        let fits = |c: &&CompressedScalars| c.steps().all(|step| step.block.means().len() == scalars.len());
+        let compressed = job.compressed.as_ref().filter(fits).filter(|_| self.prescale == 1.0);
+        if let Some(compressed) = compressed
+            && let Some(sent) = self.decoder.prepare(context, compressed, buffer)?
         {
             self.of = Arc::downgrade(scalars);
             return Ok((1.0, sent));

@@ -1,95 +1,46 @@
-//! Steps of codec `vq` decoded on the GPU: a block is sent once for its 64 steps, each step is 32 bytes of parameters.
+//! Scalars of codec `vq` decoded on the GPU: a block is sent once for its 64 steps, each step is 64 bytes of parameters.
+//!
+//! A mixture is decoded in two passes: the first leaves the values of one step, the second mixes those of the other into them. It needs
+//! f64, in which the CPU mixes, and has the CPU's bits as steps do, unless a GPU takes denormal numbers for 0.
 
 use super::buffers::GrowingBuffer;
 use super::context::Context;
 use super::layout::VqStep;
 use super::pipelines::{NO_RECORDS, Pipelines};
 use super::resources::Resource;
-use super::shaders::Stage;
-use crate::codec::vq::{GROUPS, Indices, group_of_step};
-use crate::render::{CompressedStep, RenderError};
+use super::shaders::{Moment, Stage};
+use crate::codec::vq::{GROUPS, Indices, VqBlock, group_of_step};
+use crate::render::{CompressedScalars, CompressedStep, RenderError};
 use bytemuck::bytes_of;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
-/// Decodes the steps of one block at a time, which stays in the GPU's memory.
+/// Decodes the steps of two blocks, which stay in the GPU's memory; the second one only if a mixture has needed both.
 pub(super) struct BlockDecoder {
-    /// The step that the next frame decodes, or the last one has decoded.
-    step: Option<CompressedStep>,
-    /// Whether the step has not been decoded yet.
-    is_pending: bool,
-    block: GrowingBuffer,
-    params: GrowingBuffer,
-    pipelines: Pipelines,
-    /// The scalar buffer that is bound.
-    scalars: Option<wgpu::Buffer>,
-    places: VqStep,
+    blocks: [BlockBuffer; 2],
+    /// Decode a step, and mix a second one into it.
+    passes: [StepPass; 2],
+    /// Number of passes that the next frame needs.
+    pending: usize,
 }
 
-/// Words (32 bits) that hold `bytes`.
-fn words(bytes: usize) -> u32 {
-    bytes.div_ceil(4) as u32
+/// A block in the GPU's memory.
+struct BlockBuffer {
+    of: Weak<VqBlock>,
+    buffer: GrowingBuffer,
 }
 
-impl BlockDecoder {
-    pub(super) fn new() -> Self {
-        Self {
-            step: None,
-            is_pending: false,
-            block: GrowingBuffer::new(Resource::Block),
-            params: GrowingBuffer::new(Resource::VqStep),
-            pipelines: Pipelines::new(),
-            scalars: None,
-            places: VqStep::default(),
-        }
+impl BlockBuffer {
+    fn new() -> Self {
+        Self { of: Weak::new(), buffer: GrowingBuffer::new(Resource::Block) }
     }
 
-    /// Vertices whose scalars the frame must decode first: all or none.
-    pub(super) fn pending_vertices(&self) -> u32 {
-        if self.is_pending { self.places.vertex_count } else { 0 }
+    fn has(&self, block: &Arc<VqBlock>) -> bool {
+        Weak::as_ptr(&self.of) == Arc::as_ptr(block)
     }
 
-    /// Drops the pending step, if any.
-    pub(super) fn forget(&mut self) {
-        self.is_pending = false;
-    }
-
-    /// Sends the step's block and parameters unless they are there, to be decoded into `scalars`. Returns the bytes sent, or `None` if the
-    /// block is larger than a binding.
-    pub(super) fn prepare(
-        &mut self,
-        context: &Context,
-        step: &CompressedStep,
-        scalars: &GrowingBuffer,
-    ) -> Result<Option<u64>, RenderError> {
-        self.is_pending = false;
-        let (places, bytes) = places_of(step);
-        if bytes > context.binding_bytes() {
-            return Ok(None);
-        }
-        self.pipelines.prepare(context, NO_RECORDS, [Stage::DecodeVq])?;
-        let is_there = self.step.as_ref().is_some_and(|there| Arc::ptr_eq(&there.block, &step.block));
-        // A reallocated buffer is unbound at once: a later failure must not leave the old one bound.
-        let is_bound = self.scalars.as_ref() == Some(scalars.get(context)?);
-        if self.params.reserve(context, size_of::<VqStep>() as u64)? || !is_bound {
-            self.pipelines.unbind();
-        }
-        let mut sent = 0;
-        if !is_there {
-            self.step = None;
-            if self.block.reserve(context, bytes)? {
-                self.pipelines.unbind();
-            }
-            sent += self.send_block(context, step, &places)?;
-        }
-        sent += self.params.write(context, 0, bytes_of(&places))?;
-        self.pipelines.bind(context, &[&self.params, &self.block, scalars], &[])?;
-        self.scalars = Some(scalars.get(context)?.clone());
-        (self.step, self.places, self.is_pending) = (Some(step.clone()), places, true);
-        Ok(Some(sent))
-    }
-
-    fn send_block(&self, context: &Context, step: &CompressedStep, places: &VqStep) -> Result<u64, RenderError> {
-        let block = &step.block;
+    /// Sends a block's parts to their places. Returns the bytes sent.
+    fn send(&mut self, context: &Context, block: &Arc<VqBlock>, places: &VqStep) -> Result<u64, RenderError> {
+        self.of = Weak::new();
         let [first, second] = match block.indices() {
             Indices::Narrow([first, second]) => [&first[..], &second[..]],
             Indices::Wide([first, second]) => [bytemuck::cast_slice(first), bytemuck::cast_slice(second)],
@@ -107,20 +58,168 @@ impl BlockDecoder {
             // Whole words only; the last one is padded with zeros.
             let (whole, rest) = bytes.split_at(bytes.len() / 4 * 4);
             let at = 4 * u64::from(word);
-            sent += self.block.write(context, at, whole)?;
+            sent += self.buffer.write(context, at, whole)?;
             if !rest.is_empty() {
                 let mut last = [0; 4];
                 last[..rest.len()].copy_from_slice(rest);
-                sent += self.block.write(context, at + whole.len() as u64, &last)?;
+                sent += self.buffer.write(context, at + whole.len() as u64, &last)?;
             }
         }
+        self.of = Arc::downgrade(block);
         Ok(sent)
+    }
+}
+
+/// A pass over the vertices.
+struct StepPass {
+    stage: Stage,
+    places: VqStep,
+    params: GrowingBuffer,
+    pipelines: Pipelines,
+    /// The block's buffer and that of the scalars that are bound.
+    bound: Option<[wgpu::Buffer; 2]>,
+}
+
+impl StepPass {
+    fn new(moment: Moment) -> Self {
+        Self {
+            stage: Stage::DecodeVq(moment),
+            places: VqStep::default(),
+            params: GrowingBuffer::new(Resource::VqStep),
+            pipelines: Pipelines::new(),
+            bound: None,
+        }
+    }
+
+    fn unbind(&mut self) {
+        self.pipelines.unbind();
+        self.bound = None;
+    }
+
+    /// Sends the parameters, and binds the buffers unless they are. Returns the bytes sent.
+    fn prepare(
+        &mut self,
+        context: &Context,
+        places: VqStep,
+        block: &GrowingBuffer,
+        scalars: &GrowingBuffer,
+    ) -> Result<u64, RenderError> {
+        self.pipelines.prepare(context, NO_RECORDS, [self.stage])?;
+        let buffers = [block.get(context)?, scalars.get(context)?].map(Clone::clone);
+        // A reallocated buffer is unbound at once: a later failure must not leave the old one bound.
+        if self.params.reserve(context, size_of::<VqStep>() as u64)? || self.bound.as_ref() != Some(&buffers) {
+            self.unbind();
+        }
+        let sent = self.params.write(context, 0, bytes_of(&places))?;
+        self.pipelines.bind(context, &[&self.params, block, scalars], &[])?;
+        (self.places, self.bound) = (places, Some(buffers));
+        Ok(sent)
+    }
+}
+
+/// Words (32 bits) that hold `bytes`.
+fn words(bytes: usize) -> u32 {
+    bytes.div_ceil(4) as u32
+}
+
+impl BlockDecoder {
+    pub(super) fn new() -> Self {
+        Self {
+            blocks: [BlockBuffer::new(), BlockBuffer::new()],
+            passes: [Moment::Step, Moment::Mixture].map(StepPass::new),
+            pending: 0,
+        }
+    }
+
+    /// Vertices that the frame must decode first, of both steps of a mixture; 0 if none.
+    pub(super) fn pending_vertices(&self) -> u64 {
+        self.passes[..self.pending].iter().map(|pass| u64::from(pass.places.vertex_count)).sum()
+    }
+
+    /// Drops the pending passes, if any.
+    pub(super) fn forget(&mut self) {
+        self.pending = 0;
+    }
+
+    /// Sends blocks and parameters unless they are there, to be decoded into `scalars`. Returns the bytes sent, or `None` if this GPU cannot
+    /// decode them: a block is larger than a binding, or a mixture needs f64, or a weight so small that its parts are denormal.
+    pub(super) fn prepare(
+        &mut self,
+        context: &Context,
+        compressed: &CompressedScalars,
+        scalars: &GrowingBuffer,
+    ) -> Result<Option<u64>, RenderError> {
+        self.pending = 0;
+        let weights = match &compressed.toward {
+            None => Some(Default::default()),
+            Some((_, weight)) if context.has_f64() => parts_of(1.0 - weight).zip(parts_of(*weight)),
+            Some(_) => None,
+        };
+        let Some((weight_before, weight)) = weights else { return Ok(None) };
+        let steps = compressed.steps().map(|step| (step, places_of(step)));
+        let steps = steps.map(|(step, (places, bytes))| (step, VqStep { weight_before, weight, ..places }, bytes));
+        if steps.clone().any(|(_, _, bytes)| bytes > context.binding_bytes()) {
+            return Ok(None);
+        }
+        let (mut sent, mut needed) = (0, compressed.steps().filter_map(|step| self.place_of(&step.block)).last());
+        for (at, (step, places, bytes)) in steps.enumerate() {
+            let place = match self.place_of(&step.block) {
+                Some(place) => place,
+                None => {
+                    // The other step's block stays.
+                    let place = needed.map_or(0, |other| 1 - other);
+                    sent += self.send_block(context, place, &step.block, &places, bytes)?;
+                    place
+                }
+            };
+            needed = Some(place);
+            sent += self.passes[at].prepare(context, places, &self.blocks[place].buffer, scalars)?;
+        }
+        self.pending = compressed.steps().count();
+        Ok(Some(sent))
+    }
+
+    /// Where a block lies, if it is in the GPU's memory.
+    fn place_of(&self, block: &Arc<VqBlock>) -> Option<usize> {
+        self.blocks.iter().position(|there| there.has(block))
+    }
+
+    fn send_block(
+        &mut self,
+        context: &Context,
+        place: usize,
+        block: &Arc<VqBlock>,
+        places: &VqStep,
+        bytes: u64,
+    ) -> Result<u64, RenderError> {
+        let there = &mut self.blocks[place];
+        if there.buffer.bytes() < bytes {
+            there.of = Weak::new();
+            self.passes.iter_mut().for_each(StepPass::unbind);
+            there.buffer.reserve(context, bytes)?;
+        }
+        there.send(context, block, places)
     }
 
     /// Records the decoding in a pass.
     pub(super) fn record(&self, context: &Context, pass: &mut wgpu::ComputePass<'_>) -> Result<(), RenderError> {
-        self.pipelines.dispatch(context, Stage::DecodeVq, self.places.vertex_count.div_ceil(256), pass)
+        self.passes[..self.pending].iter().try_for_each(|of| {
+            let workgroups = of.places.vertex_count.div_ceil(256);
+            of.pipelines.dispatch(context, of.stage, workgroups, pass)
+        })
     }
+}
+
+/// Three numbers whose sum is exactly `weight`, in any order; `None` if one would be denormal.
+fn parts_of(weight: f64) -> Option<[f32; 3]> {
+    let mut rest = weight;
+    let parts = [(); 3].map(|()| {
+        let part = rest as f32;
+        rest -= f64::from(part);
+        part
+    });
+    let are_kept = parts.iter().all(|part| *part == 0.0 || part.is_normal());
+    (are_kept && rest == 0.0).then_some(parts)
 }
 
 /// Offsets of the parts of a step's block in words (codebooks, means, indices, exponents), and the bytes of all.
@@ -147,6 +246,25 @@ fn places_of(step: &CompressedStep) -> (VqStep, u64) {
         first,
         second,
         per_word_log2,
+        ..VqStep::default()
     };
     (places, 4 * u64::from(end + words(exponents)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_have_three_parts_without_a_rest() {
+        for weight in [0.5, 0.1, 1.0 / 3.0, 1.0 - f64::EPSILON, 1e-9, 1.0 - 1e-9] {
+            let parts = parts_of(weight).unwrap().map(f64::from);
+            let [a, b, c] = parts;
+            assert_eq!([(a + b) + c, a + (b + c), (a + c) + b], [weight; 3]);
+        }
+        assert!(parts_of(0.1).unwrap()[2] != 0.0, "two would not do");
+        for weight in [1e-30 / 3.0, 1e-300] {
+            assert_eq!(parts_of(weight), None, "{weight:e}");
+        }
+    }
 }

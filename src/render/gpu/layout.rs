@@ -305,8 +305,8 @@ pub struct SurfaceParams {
     pub sheets: [SheetParams; SURFACES_MAX],
 }
 
-/// Parameters of the decoder of codec `vq`: offsets into the block, in words.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+/// Parameters of the decoder of codec `vq`: a step's offsets into the block, in words, and its share of a mixture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct VqStep {
     /// Vertices of the mesh.
@@ -325,6 +325,14 @@ pub struct VqStep {
     pub second: u32,
     /// Base-2 logarithm of the indices per word.
     pub per_word_log2: u32,
+    /// Weight of the step in a mixture: three numbers, whose sum it is exactly.
+    pub weight: [f32; 3],
+    /// Zero, unknown to shader compilers, as in [`Params`].
+    pub zero: u32,
+    /// Weight in a mixture of the step that has been decoded before it.
+    pub weight_before: [f32; 3],
+    /// Padding.
+    pub unused: u32,
 }
 
 /// Layout of the buffers of depth layers, in words (`shaders/lib/layer_lists.wgsl`).

@@ -30,8 +30,10 @@
 //! - **Far eyes, and eyes next to an edge.** Depths are counted from the middle of the mesh if the eye is far, and along a path from its
 //!   start. In which cell a ray starts is decided in the sheared plane of the walk, by a sign on which both cells at a face agree; only
 //!   the eye's side of an open face is decided exactly.
-//! - **Compressed steps.** A block of codec `vq` stays in the GPU's memory while its 64 steps are played; a step is 32 bytes of parameters.
-//!   The CPU decodes it too: holes, ranges and a fall-back need the values, and it takes a third of a millisecond for 176k vertices.
+//! - **Compressed steps.** A block of codec `vq` stays in the GPU's memory while its 64 steps are played, for rays and for faces; a step is
+//!   64 bytes of parameters. Moments between two steps are decoded and mixed there if the device has f64, with the bits of the CPU; a
+//!   second block stays once both were needed. The CPU decodes and mixes too: holes, ranges and a fall-back need the values, and it takes a
+//!   third of a millisecond for 176k vertices.
 //! - **Entry lists have any length.** Counts per tile are summed and the lists stored one after the other; if the buffer was too small, the
 //!   frame is begun again with a larger one (`entry_retries`). A pixel with more than four starts searches again for the next four.
 //! - **Steady frames allocate nothing.** Buffers grow and stay; parameters are written to the same uniform buffer; bind groups are made anew

@@ -1,6 +1,8 @@
 //! The WGSL sources in `shaders/lib/`, from which stages are composed.
 
 pub(super) const FRAME: &str = include_str!("../../../shaders/lib/frame.wgsl");
+pub(super) const STEP_AS_IS: &str = include_str!("../../../shaders/lib/step_as_is.wgsl");
+pub(super) const STEP_MIXED: &str = include_str!("../../../shaders/lib/step_mixed.wgsl");
 pub(super) const SUMS: &str = include_str!("../../../shaders/lib/sums.wgsl");
 pub(super) const SATURATING: &str = include_str!("../../../shaders/lib/saturating.wgsl");
 pub(super) const CELLS: &str = include_str!("../../../shaders/lib/cells.wgsl");

@@ -5,7 +5,9 @@ use super::layout::{
     UpsampleParams, VqStep,
 };
 use super::resources::{Binding, Kind};
-use super::shaders::{FragmentKind, Gathering, Inside, Pass, Precision, RECORD_PARTS_MAX, RecordSplit, Stage, stages};
+use super::shaders::{
+    FragmentKind, Gathering, Inside, Moment, Pass, Precision, RECORD_PARTS_MAX, RecordSplit, Stage, stages,
+};
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dParams;
 use std::mem::offset_of;
@@ -53,7 +55,7 @@ fn every_shader_is_valid_and_has_its_entry_point() {
             checked += 1;
         }
     }
-    assert_eq!(checked, 2 * 120);
+    assert_eq!(checked, 2 * 121);
     // Only those in f64 need a device that has it.
     let double = Stage::Walk(Gathering::Scalar(OpticsKind::Exact), Inside::Volume, Precision::Double).source(SPLITS[0]);
     assert!(parse(&double).is_err());
@@ -123,7 +125,7 @@ fn shaders_bind_what_their_stages_describe_and_use_all_of_it() {
         (Stage::FaceScan, "@group(0) @binding(1)", "@group(1) @binding(1)"),
         (Stage::FaceScan, "fn add_up", &format!("{more}fn add_up")),
         (Stage::ViewTransform, "var<storage, read> positions", "var<storage, read_write> positions"),
-        (Stage::DecodeVq, "scalars[v] = ", "let unused = "),
+        (Stage::DecodeVq(Moment::Step), "scalars[v] = ", "let unused = "),
         (Stage::Present, "textureStore(screen, at.xy, textureLoad(color, at.xy, 0));", ""),
     ] {
         let source = stage.source(SPLITS[0]);
@@ -277,7 +279,7 @@ fn structs_have_the_same_layout_in_rust_and_in_the_shaders() {
         unused,
         zero,
     );
-    for stage in stages().filter(|stage| !matches!(stage, Stage::DecodeVq | Stage::Present | Stage::SplitSlice)) {
+    for stage in stages().filter(|stage| !matches!(stage, Stage::DecodeVq(_) | Stage::Present | Stage::SplitSlice)) {
         let (shader, span) = members(&module(stage), "Params");
         assert_eq!((&shader, span), (&rust, size_of::<Params>()), "{stage:?}");
     }
@@ -289,8 +291,24 @@ fn structs_have_the_same_layout_in_rust_and_in_the_shaders() {
     macro_rules! step_offsets {
         ($($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!(VqStep, $field))),*] };
     }
-    let rust_step = step_offsets!(vertex_count, row_8, row_64, means, exponents, first, second, per_word_log2);
-    assert_eq!(members(&module(Stage::DecodeVq), "VqStep"), (rust_step, size_of::<VqStep>()));
+    let rust_step = step_offsets!(
+        vertex_count,
+        row_8,
+        row_64,
+        means,
+        exponents,
+        first,
+        second,
+        per_word_log2,
+        weight,
+        zero,
+        weight_before,
+        unused,
+    );
+    for moment in [Moment::Step, Moment::Mixture] {
+        let step = members(&module(Stage::DecodeVq(moment)), "VqStep");
+        assert_eq!(step, (rust_step.clone(), size_of::<VqStep>()), "{moment:?}");
+    }
 }
 
 #[test]

@@ -28,6 +28,15 @@ pub enum Pass {
     Layers,
 }
 
+/// What the decoder writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Moment {
+    /// The scalars of a step.
+    Step,
+    /// A mixture of the scalars of a step with those that have been written before it.
+    Mixture,
+}
+
 /// Destination of a bilinearly enlarged image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Toward {
@@ -159,7 +168,7 @@ impl Gathering {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Decodes a step from its compressed block.
-    DecodeVq,
+    DecodeVq(Moment),
     /// Transforms vertices to view coordinates.
     ViewTransform,
     /// Counts the items that meet each tile.
@@ -215,7 +224,8 @@ pub enum Stage {
 /// All stages.
 pub fn stages() -> impl Iterator<Item = Stage> {
     let alike = [
-        Stage::DecodeVq,
+        Stage::DecodeVq(Moment::Step),
+        Stage::DecodeVq(Moment::Mixture),
         Stage::ViewTransform,
         Stage::EntriesCount,
         Stage::EntriesScan,
@@ -298,7 +308,7 @@ impl Stage {
     /// Its name, and the text of its file.
     fn file(self) -> (&'static str, &'static str) {
         match self {
-            Self::DecodeVq => ("decode_vq", include_str!("../../../shaders/decode_vq.wgsl")),
+            Self::DecodeVq(_) => ("decode_vq", include_str!("../../../shaders/decode_vq.wgsl")),
             Self::ViewTransform => ("view_transform", include_str!("../../../shaders/view_transform.wgsl")),
             Self::EntriesCount => ("entries_count", include_str!("../../../shaders/entries_count.wgsl")),
             Self::EntriesScan => ("entries_scan", include_str!("../../../shaders/entries_scan.wgsl")),
@@ -327,7 +337,7 @@ impl Stage {
         }
     }
 
-    /// Precision of its geometry.
+    /// The numbers that it computes with.
     pub fn precision(self) -> Precision {
         match self {
             Self::Walk(_, _, precision)
@@ -336,6 +346,8 @@ impl Stage {
             | Self::Faces(_, precision)
             | Self::FacePieces(_, precision)
             | Self::FaceStarts(_, precision) => precision,
+            // Mixtures are those of the CPU, which mixes in f64.
+            Self::DecodeVq(Moment::Mixture) => Precision::Double,
             _ => Precision::Single,
         }
     }
@@ -351,7 +363,7 @@ impl Stage {
         let records = Resource::RECORDS.map(Read);
         let fragments = Resource::FRAGMENTS.map(Write);
         match self {
-            Self::DecodeVq => vec![Read(VqStep), Read(Block), Write(Scalars)],
+            Self::DecodeVq(_) => vec![Read(VqStep), Read(Block), Write(Scalars)],
             Self::ViewTransform => vec![Read(Params), Read(Positions), Read(Scalars), Write(Vertices)],
             Self::EntriesCount | Self::EntriesStore => {
                 [&[Read(Params), Read(Vertices), Read(Items), Atomic(Bins)][..], &records].concat()
@@ -438,7 +450,9 @@ impl Stage {
     /// The parts of `shaders/lib/` that its file needs.
     fn parts(self) -> Vec<&'static str> {
         match self {
-            Self::DecodeVq | Self::Present => vec![],
+            Self::DecodeVq(Moment::Step) => vec![lib::STEP_AS_IS],
+            Self::DecodeVq(Moment::Mixture) => vec![lib::STEP_MIXED],
+            Self::Present => vec![],
             Self::ViewTransform => vec![lib::FRAME, lib::SUMS],
             Self::EntriesCount | Self::EntriesStore => vec![lib::FRAME, lib::CELLS, lib::BOXES, lib::ITEMS],
             Self::EntriesScan => vec![lib::FRAME, lib::SATURATING],

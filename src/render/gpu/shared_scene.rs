@@ -127,7 +127,7 @@ impl SharedScene {
         self.target.iter().flat_map(|target| target.planes()).collect()
     }
 
-    /// Writes the parameters, and records decoding, if the step is compressed, and the view transform.
+    /// Writes the parameters, and records decoding, if the scalars are compressed, and the view transform.
     pub(super) fn record(
         &self,
         context: &Context,
@@ -140,7 +140,7 @@ impl SharedScene {
         self.params.write(context, 0, bytemuck::bytes_of(params))?;
         let decoder = &self.scalars.decoder;
         if decoder.pending_vertices() > 0 {
-            stats.vertices_decoded_on_gpu = u64::from(decoder.pending_vertices());
+            stats.vertices_decoded_on_gpu = decoder.pending_vertices();
             decoder.record(context, &mut target.pass(encoder, "decode", Some(6)))?;
         }
         let mut pass = target.pass(encoder, "view transform", Some(0));

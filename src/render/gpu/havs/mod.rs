@@ -1,6 +1,6 @@
 //! The face renderer on the GPU: what [`crate::render::cpu::havs`] does, in WGSL, with lists of all fragments.
 //!
-//! 0. **decode**, if the step is compressed, and **view transform**, as in [`super::raycast`].
+//! 0. **decode**, if the scalars are compressed, and **view transform**, as in [`super::raycast`].
 //! 1. **count**: a thread a face looks at the pixels of the face's box and counts its fragments for each pixel. A face with a
 //!    large box is cut into pieces, one a tile, which are looked at one by one (`faces.wgsl`, `face_pieces.wgsl`). Rays that
 //!    begin in a cell have a fragment there (`face_starts.wgsl`).
