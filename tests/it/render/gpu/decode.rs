@@ -1,13 +1,13 @@
-//! Codec `vq` decoded on the GPU: the frame is that of the scalars that the CPU decodes.
+//! Codec `vq` decoded on the GPU: the frame is that of the scalars that the CPU decodes, to the bit.
 
 use super::*;
-use crate::render::{assert_within, difference};
 use tetreel::codec::vq::VqOptions;
 use tetreel::field::{Component, FieldInfo, SeriesSource, TimeAxis};
 use tetreel::ingest::{CodecChoice, IngestOptions, ingest};
 use tetreel::mesh::RawMesh;
-use tetreel::pipeline::{FrameRequest, Pipeline};
-use tetreel::render::CompressedStep;
+use tetreel::pipeline::{FaceDetail, FrameRequest, FrameTime, Pipeline, TetDraw};
+use tetreel::render::gpu::havs::Havs as GpuHavs;
+use tetreel::render::{CompressedScalars, CompressedStep};
 use tetreel::store::Store;
 use tetreel::synth::{SeriesName, Synth, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
@@ -43,78 +43,197 @@ impl SeriesSource for Odd {
     }
 }
 
-#[test]
-fn steps_decoded_on_the_gpu_are_drawn_as_those_decoded_on_the_cpu() {
-    let Some(context) = context() else { return };
-    let series = generate(&SynthSpec { cells: 3000, steps: 70, ..SynthSpec::new(SeriesName::Jet) }).unwrap();
-    let fields = vec![series.fields()[0].clone()];
-    let odd = Odd { series, fields };
-    let temp = tempfile::tempdir().unwrap();
-    let mut renderer = GpuRaycast::new(context);
-    for (entries, own_scales) in [(256, false), (300, true), (2, true), (1024, false)] {
-        let path = temp.path().join(format!("{entries}.zarr"));
+/// Series of three blocks, the last one short, compressed in this way.
+struct Stored {
+    name: String,
+    pipeline: Pipeline,
+    _dir: tempfile::TempDir,
+}
+
+impl Stored {
+    fn new(entries: usize, own_scales: bool) -> Self {
+        let series = generate(&SynthSpec { cells: 3000, steps: 130, ..SynthSpec::new(SeriesName::Jet) }).unwrap();
+        let odd = Odd { fields: vec![series.fields()[0].clone()], series };
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("odd.zarr");
         let codec = CodecChoice::new(VqOptions { entries, own_scales, ..Default::default() });
         ingest(&odd, &path, &IngestOptions { codec, ..Default::default() }, &Silent, &Cancel::new()).unwrap();
-        let mut pipeline = Pipeline::open(&Store::open(&path).unwrap(), None).unwrap();
-        let table =
-            Arc::new(table(&[(-1.0, [1.0, 0.2, 0.1], 0.05), (0.5, [0.1, 1.0, 0.3], 0.4), (2.0, [0.2; 3], 1.0)]));
-        let camera = Camera::default_for(pipeline.mesh().positions.world_bounds()).unwrap();
-        let mut last_block = None;
-        for step in [0, 1, 6, 63, 64, 69, 3] {
-            let job = pipeline.prepare(&FrameRequest::new(step, camera, table.clone(), (64, 48))).unwrap();
-            let name = format!("{entries} entries, step {step}");
-            let decoded = renderer.render(job.clone()).unwrap().clone();
-            let vertices = job.scalars.values().len() as u64;
-            assert_eq!(decoded.stats.vertices_decoded_on_gpu, vertices, "{name}");
-            // A step is 32 bytes as long as its block is there.
-            let is_there = last_block.replace(step / 64) == Some(step / 64);
-            let sent = decoded.stats.bytes_uploaded;
-            assert!(if is_there { sent <= 64 } else { sent > vertices * 5 }, "{name}: {sent} bytes");
+        let pipeline = Pipeline::open(&Store::open(&path).unwrap(), None).unwrap();
+        Self { name: format!("{entries} entries"), pipeline, _dir: dir }
+    }
 
-            // The same scalars once more are there; in another place they are sent.
-            assert_eq!(renderer.render(job.clone()).unwrap().stats.vertices_decoded_on_gpu, 0);
-            let sent =
-                RenderJob { compressed: None, scalars: Arc::new(job.scalars.values().to_vec()).into(), ..job.clone() };
-            let sent = renderer.render(sent).unwrap().clone();
-            assert_eq!(sent.stats.vertices_decoded_on_gpu, 0);
-            assert_within(&name, &decoded.planes.color, &sent.planes.color);
-            // A driver may fuse the product and the sum of a vertex: half a unit in the last place.
-            let (_, max) = difference(&decoded.planes.color, &sent.planes.color);
-            assert!(max < 1e-5, "{name}: {max:e}");
-            assert!(sent.planes.color.pixels.iter().any(|p| p[3] > 0.1), "{name}: an empty image proves nothing");
+    fn job(&mut self, time: FrameTime, draw: TetDraw) -> RenderJob {
+        let table = table(&[(-1.0, [1.0, 0.2, 0.1], 0.05), (0.5, [0.1, 1.0, 0.3], 0.4), (2.0, [0.2; 3], 1.0)]);
+        let camera = Camera::default_for(self.pipeline.mesh().positions.world_bounds()).unwrap();
+        let request = FrameRequest::new(time, camera, Arc::new(table), (64, 48)).with_tets(|tets| tets.draw = draw);
+        self.pipeline.prepare(&request).unwrap()
+    }
+}
 
-            // The comparison notices the wrong step.
-            if let Some(CompressedStep { block, step: 1 }) = job.compressed.clone() {
-                let wrong = CompressedStep { block, step: 2 };
-                let scalars = Arc::new(job.scalars.values().to_vec());
-                let wrong = RenderJob { compressed: Some(wrong), scalars: scalars.into(), ..job };
-                assert!(
-                    difference(&renderer.render(wrong).unwrap().planes.color, &sent.planes.color).1 > 1e-3,
-                    "{name}"
-                );
+const DRAWS: [TetDraw; 2] = [TetDraw::Raycast, TetDraw::Faces(FaceDetail::ALL)];
+
+/// A renderer of its own.
+fn renderer(draw: TetDraw, context: &Arc<Context>) -> Box<dyn Renderer> {
+    match draw {
+        TetDraw::Faces(_) => Box::new(GpuHavs::new(context.clone())),
+        _ => Box::new(GpuRaycast::new(context.clone())),
+    }
+}
+
+/// The frame of a job.
+fn drawn(renderer: &mut dyn Renderer, job: &RenderJob) -> Frame {
+    renderer.render_unless_cancelled(job.clone()).unwrap().unwrap().clone()
+}
+
+/// The job with these scalars, which no renderer has seen; the CPU has decoded them.
+fn sent(job: &RenderJob, scalars: impl IntoIterator<Item = f32>) -> RenderJob {
+    RenderJob { compressed: None, scalars: Arc::new(scalars.into_iter().collect::<Vec<f32>>()).into(), ..job.clone() }
+}
+
+/// Light, opacities and depths to the bit.
+fn bits(frame: &Frame) -> Vec<u32> {
+    let color = &frame.planes.color.pixels;
+    assert!(color.iter().any(|pixel| pixel[3] > 0.1), "an empty image proves nothing");
+    color.iter().flatten().chain(&frame.planes.depth.pixels).map(|number| number.to_bits()).collect()
+}
+
+/// Times, and the blocks that each adds to those in the GPU's memory: the last two that were needed at once.
+fn times() -> [(FrameTime, u64); 12] {
+    let between = FrameTime::between;
+    [
+        (0.into(), 1),
+        (1.into(), 0),
+        (between(1, 2, 0.3), 0),
+        (between(1, 2, 1e-9), 0),
+        (63.into(), 0),
+        (between(63, 64, 0.7), 1),
+        (64.into(), 0),
+        (between(66, 3, 1.0 / 3.0), 0),
+        (between(127, 128, 0.1), 1),
+        (129.into(), 0),
+        (between(64, 65, 0.9), 0),
+        (6.into(), 1),
+    ]
+}
+
+#[test]
+fn scalars_decoded_on_the_gpu_are_drawn_to_the_bit_as_those_decoded_on_the_cpu() {
+    let Some(context) = context() else { return };
+    assert!(context.has_f64(), "{} has no f64, in which two steps are mixed", context.adapter());
+    for (entries, own_scales) in [(256, false), (300, true), (2, true), (1024, false)] {
+        let mut stored = Stored::new(entries, own_scales);
+        for draw in DRAWS {
+            let mut renderer = renderer(draw, &context);
+            for (time, blocks) in times() {
+                let job = stored.job(time, draw);
+                let name = format!("{}, {draw:?}, {time:?}", stored.name);
+                let vertices = job.scalars.values().len() as u64;
+                let steps = if time.toward().is_some() { 2 } else { 1 };
+                drawn(&mut *renderer, &sent(&job, vec![0.25; job.scalars.values().len()]));
+                let on_cpu = drawn(&mut *renderer, &sent(&job, job.scalars.values().iter().copied()));
+                assert_eq!((on_cpu.stats.vertices_decoded_on_gpu, on_cpu.stats.bytes_uploaded), (0, 4 * vertices));
+
+                let on_gpu = drawn(&mut *renderer, &job);
+                assert_eq!(on_gpu.stats.vertices_decoded_on_gpu, steps * vertices, "{name}");
+                assert!(bits(&on_gpu) == bits(&on_cpu), "{name}");
+                // A step is 64 bytes as long as its block is there.
+                let bytes = on_gpu.stats.bytes_uploaded - 64 * steps;
+                assert!(if blocks == 0 { bytes == 0 } else { bytes > blocks * vertices * 5 }, "{name}: {bytes} more");
+                // The same scalars once more are there.
+                let again = drawn(&mut *renderer, &job).stats;
+                assert_eq!((again.vertices_decoded_on_gpu, again.bytes_uploaded), (0, 0), "{name}");
             }
         }
     }
 }
 
 #[test]
-fn a_block_beyond_a_binding_is_sent_decoded() {
+fn the_comparison_to_the_bit_notices_another_step_weight_or_rounding() {
     let Some(context) = context() else { return };
-    let temp = tempfile::tempdir().unwrap();
-    let series = generate(&SynthSpec { cells: 600, steps: 3, ..SynthSpec::new(SeriesName::Jet) }).unwrap();
-    let codec = CodecChoice::new(VqOptions { entries: 1024, ..Default::default() });
-    let path = temp.path().join("jet.zarr");
-    ingest(&series, &path, &IngestOptions { codec, ..Default::default() }, &Silent, &Cancel::new()).unwrap();
-    let mut pipeline = Pipeline::open(&Store::open(&path).unwrap(), None).unwrap();
-    let camera = Camera::default_for(pipeline.mesh().positions.world_bounds()).unwrap();
-    let table = Arc::new(table(&[(0.0, [1.0, 0.2, 0.1], 0.1), (1.0, [0.1, 1.0, 0.3], 0.4)]));
-    let job = pipeline.prepare(&FrameRequest::new(1, camera, table, (32, 32))).unwrap();
-    let whole = GpuRaycast::new(context.clone()).render(job.clone()).unwrap().clone();
-    // Codebooks of 72 x 1024 numbers are 288 KiB; the mesh needs less.
+    let mut stored = Stored::new(256, false);
+    for draw in DRAWS {
+        let mut renderer = renderer(draw, &context);
+        let [from, to] = [1, 2].map(|step| stored.job(step.into(), draw).scalars.to_vec());
+        let weight = 0.3;
+        let job = stored.job(FrameTime::between(1, 2, weight), draw);
+        let CompressedScalars { step, toward } = job.compressed.clone().unwrap();
+        let (toward, _) = toward.unwrap();
+        let right = bits(&drawn(&mut *renderer, &job));
+        let compressed = |step: &CompressedStep, toward: Option<(&CompressedStep, f64)>| {
+            let toward = toward.map(|(step, weight)| (step.clone(), weight));
+            let compressed = Some(CompressedScalars { step: step.clone(), toward });
+            RenderJob { compressed, ..sent(&job, job.scalars.values().iter().copied()) }
+        };
+        let third = CompressedStep { step: 3, ..step.clone() };
+        // In f32, rounded to the nearest number as in f64 and then once more.
+        let in_f32 = from.iter().zip(&to).map(|(a, b)| a * (1.0 - weight as f32) + b * weight as f32);
+        let up = job.scalars.values().iter().map(|s| s.next_up());
+        let wrong = [
+            ("the first step alone", compressed(&step, None)),
+            ("the steps exchanged", compressed(&toward, Some((&step, weight)))),
+            ("another second step", compressed(&step, Some((&third, weight)))),
+            ("a weight off by 1e-6", compressed(&step, Some((&toward, weight + 1e-6)))),
+            ("mixed in f32", sent(&job, in_f32)),
+            ("a unit in the last place", sent(&job, up)),
+        ];
+        for (what, wrong) in wrong {
+            assert!(bits(&drawn(&mut *renderer, &wrong)) != right, "{draw:?}, {what}");
+        }
+        let same = compressed(&step, Some((&toward, weight)));
+        assert!(bits(&drawn(&mut *renderer, &same)) == right, "{draw:?}");
+    }
+}
+
+#[test]
+fn what_the_gpu_cannot_decode_is_sent_decoded() {
+    let Some(context) = context() else { return };
     let adapter = context.adapter().name.clone();
-    let small =
-        Context::new(&ContextOptions { adapter, binding_bytes: Some(128 << 10), ..Default::default() }).unwrap();
-    let sent = GpuRaycast::new(Arc::new(small)).render(job).unwrap().clone();
-    assert_eq!((whole.stats.vertices_decoded_on_gpu > 0, sent.stats.vertices_decoded_on_gpu), (true, 0));
-    assert_within("sent", &sent.planes.color, &whole.planes.color);
+    let options = ContextOptions { adapter, ..Default::default() };
+    let own = |options: &ContextOptions| Arc::new(Context::new(options).unwrap());
+    // Codebooks of 72 x 1024 numbers are 288 KiB; the mesh needs less.
+    let small = own(&ContextOptions { binding_bytes: Some(256 << 10), ..options.clone() });
+    let without_f64 = own(&ContextOptions { tier: Tier::WebGpu, ..options });
+    assert!(!without_f64.has_f64());
+    let mut stored = Stored::new(1024, false);
+    let (step, mixture) = (FrameTime::from(1), FrameTime::between(63, 64, 0.3));
+    for draw in DRAWS {
+        for (what, context, time, is_decoded) in [
+            ("a step of a block beyond a binding", &small, step, false),
+            ("steps of blocks beyond a binding", &small, mixture, false),
+            ("a mixture without f64", &without_f64, mixture, false),
+            ("a step without f64", &without_f64, step, true),
+        ] {
+            let job = stored.job(time, draw);
+            assert!(job.compressed.is_some(), "{what}");
+            let mut renderer = renderer(draw, context);
+            let frame = drawn(&mut *renderer, &job);
+            assert_eq!(frame.stats.vertices_decoded_on_gpu > 0, is_decoded, "{draw:?}, {what}");
+            let on_cpu = drawn(&mut *renderer, &sent(&job, job.scalars.values().iter().copied()));
+            assert!(bits(&frame) == bits(&on_cpu), "{draw:?}, {what}");
+        }
+        // So small a weight has denormal parts.
+        let mut job = stored.job(FrameTime::between(1, 2, 0.5), draw);
+        job.compressed.iter_mut().flat_map(|c| &mut c.toward).for_each(|(_, weight)| *weight = 1e-300);
+        let mut renderer = renderer(draw, &context);
+        assert_eq!(drawn(&mut *renderer, &job).stats.vertices_decoded_on_gpu, 0, "{draw:?}");
+    }
+}
+
+#[test]
+fn mixtures_are_compressed_while_both_blocks_are_in_memory_and_for_a_gpu() {
+    let mut stored = Stored::new(2, false);
+    let (within, across) = (FrameTime::between(1, 2, 0.5), FrameTime::between(63, 64, 0.5));
+    for draw in DRAWS {
+        for time in [within, across] {
+            assert!(stored.job(time, draw).compressed.is_some(), "{draw:?}, {time:?}");
+        }
+    }
+    assert!(stored.job(across, TetDraw::Reference).compressed.is_none());
+    // Room for one block: decoded steps are kept, and nothing is read again to be mixed elsewhere.
+    let blocks = stored.pipeline.series().blocks().clone();
+    let loads = blocks.statistics().loads;
+    blocks.set_budget(1);
+    assert!(stored.job(across, TetDraw::Raycast).compressed.is_none());
+    assert_eq!(blocks.statistics().loads, loads);
+    assert!(stored.job(FrameTime::between(65, 66, 0.5), TetDraw::Raycast).compressed.is_some());
 }
