@@ -162,8 +162,9 @@ impl BlockDecoder {
             return Ok(None);
         }
         let (mut sent, mut needed) = (0, compressed.steps().filter_map(|step| self.place_of(&step.block)).last());
-        for (at, (step, places, bytes)) in steps.enumerate() {
-            let place = match self.place_of(&step.block) {
+        let mut of_steps = [0; 2];
+        for (of_step, (step, places, bytes)) in of_steps.iter_mut().zip(steps.clone()) {
+            *of_step = match self.place_of(&step.block) {
                 Some(place) => place,
                 None => {
                     // The other step's block stays.
@@ -172,8 +173,11 @@ impl BlockDecoder {
                     place
                 }
             };
-            needed = Some(place);
-            sent += self.passes[at].prepare(context, places, &self.blocks[place].buffer, scalars)?;
+            needed = Some(*of_step);
+        }
+        // Sending a block may unbind the passes of both.
+        for ((pass, place), (_, places, _)) in self.passes.iter_mut().zip(of_steps).zip(steps) {
+            sent += pass.prepare(context, places, &self.blocks[place].buffer, scalars)?;
         }
         self.pending = compressed.steps().count();
         Ok(Some(sent))
