@@ -153,7 +153,7 @@ fn the_comparison_to_the_bit_notices_another_step_weight_or_rounding() {
     let mut stored = Stored::new(256, false);
     for draw in DRAWS {
         let mut renderer = renderer(draw, &context);
-        let [from, to] = [1, 2].map(|step| stored.job(step.into(), draw).scalars.to_vec());
+        let [from, to] = [1, 2].map(|step| stored.job(step.into(), draw).scalars.values().to_vec());
         let weight = 0.3;
         let job = stored.job(FrameTime::between(1, 2, weight), draw);
         let CompressedScalars { step, toward } = job.compressed.clone().unwrap();
