@@ -28,8 +28,8 @@ tetreel import run/case.pvd -o small.zarr --codec vq --entries 1024\n  \
 tetreel import run/case.pvd -o case.zarr --append --follow    # while the simulation runs; Ctrl-C ends it"
 )]
 pub(super) struct Args {
-    /// A .pvd or .xdmf file, several .vtu files (one a step, in the natural order of their names), or several .xdmf files
-    /// (each with other fields)
+    /// A .pvd, .series or .xdmf file, several .vtu, .pvtu or .vtm files (one a step, in the natural order of their names), or
+    /// several .xdmf files (each with other fields)
     #[arg(required = true, value_name = "SOURCE")]
     pub(super) sources: Vec<PathBuf>,
     /// The store to write

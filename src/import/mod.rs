@@ -3,7 +3,10 @@
 //! | extension | what it is | read by |
 //! |---|---|---|
 //! | `.vtu` | an unstructured grid of VTK in XML: one step | `vtu` |
-//! | `.pvd` | ParaView's list of `.vtu` files, each with its time | `pvd` |
+//! | `.pvtu` | what parallel codes write: the pieces of a step in `.vtu` files | `parts` |
+//! | `.vtm` | blocks of VTK in `.vtu` or `.pvtu` files: one step | `parts` |
+//! | `.vtu.series`, ... | ParaView's list of such files with their times in JSON | `parts` |
+//! | `.pvd` | ParaView's list of these files, each with its time | `pvd` |
 //! | `.xdmf`, `.xmf` | XDMF: an XML file with the arrays of a series in HDF5 or binary files beside it | `xdmf` |
 //!
 //! A reader yields a [`SeriesSource`]; another format is a folder here and a line of [`FORMATS`].
@@ -14,6 +17,7 @@ mod format;
 mod joined;
 mod names;
 mod numbers;
+mod parts;
 mod pvd;
 mod series;
 mod vtu;
@@ -33,7 +37,7 @@ use std::path::{Path, PathBuf};
 /// Reads the first step for the mesh and the fields, and checks that the files of the others exist.
 ///
 /// # Errors
-/// If the file is of another kind, is damaged, has polyhedra or other cells that are not read, or names missing files.
+/// If the file is of another kind, is damaged, has cells that are not read, or names missing files.
 pub fn open(path: &Path) -> FileResult<Box<dyn SeriesSource>> {
     open_many(&[path.to_owned()])
 }

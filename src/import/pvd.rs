@@ -1,6 +1,7 @@
 //! Reader of `.pvd` files: ParaView's list of the files of a series, each with its time.
 
 use super::format::{Format, extension};
+use super::parts::Parts;
 use super::series::Series;
 use super::vtu::VtuStep;
 use super::xml::{Attributes, same_length_utf8};
@@ -17,7 +18,7 @@ pub(super) const FORMAT: Format = Format {
     extensions: &["pvd"],
     joins: false,
     open,
-    files: |path| Ok(read(path)?.0.into_iter().flat_map(|step| step.parts).collect()),
+    files: |path| Ok(read(path)?.0.into_iter().flat_map(|step| [step.parts, step.lists].concat()).collect()),
 };
 
 /// Opens a collection, the only one of `paths`.
@@ -36,6 +37,8 @@ struct Step {
     time: f64,
     /// The files that make up the mesh and its fields at this time.
     parts: Vec<PathBuf>,
+    /// Files that name some of them.
+    lists: Vec<PathBuf>,
 }
 
 /// A `DataSet` element.
@@ -77,7 +80,8 @@ fn read(path: &Path) -> FileResult<(Vec<Step>, Vec<String>)> {
     let mut steps: Vec<Step> = Vec::new();
     let mut last: Option<&Entry> = None;
     for entry in &entries {
-        let file = locate(path, entry)?;
+        let Parts { files, lists, notes: more } = Parts::of(&locate(path, entry)?)?;
+        notes.extend(more.into_iter().filter(|note| !notes.contains(note)).collect::<Vec<_>>());
         match (last, steps.last_mut()) {
             (Some(last), Some(step)) if last.time == entry.time => {
                 if (&last.group, last.part) == (&entry.group, entry.part) {
@@ -85,9 +89,10 @@ fn read(path: &Path) -> FileResult<(Vec<Step>, Vec<String>)> {
                     return Err(FileError::invalid(path, entry.place(), problem)
                         .remedy("remove one of the two, or give them different part numbers"));
                 }
-                step.parts.push(file);
+                step.parts.extend(files);
+                step.lists.extend(lists);
             }
-            _ => steps.push(Step { time: entry.time, parts: vec![file] }),
+            _ => steps.push(Step { time: entry.time, parts: files, lists }),
         }
         last = Some(entry);
     }
@@ -153,11 +158,7 @@ fn entry(index: usize, attributes: &Attributes) -> Result<Entry, String> {
 fn locate(path: &Path, entry: &Entry) -> FileResult<PathBuf> {
     let unsupported = |problem: &str| FileError::unsupported(path, entry.place(), problem);
     match extension(Path::new(&entry.file)).as_str() {
-        "vtu" => {}
-        "pvtu" => {
-            return Err(unsupported("parallel files (.pvtu) are not read")
-                .remedy("list its pieces as parts of the step, or save it as .vtu in ParaView"));
-        }
+        "vtu" | "pvtu" | "vtm" => {}
         other => return Err(unsupported(&format!("only .vtu files are read, not .{other}")).remedy("save it as .vtu")),
     }
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -259,8 +260,8 @@ mod tests {
 
     #[test]
     fn other_kinds_of_files_are_refused_and_surfaces_skipped() {
-        let error = collection(&[("0", "0", "a.pvtu")], &["a.pvtu"]).expect_err("parallel").to_string();
-        assert!(error.contains("pvtu") && error.contains("ParaView"), "{error}");
+        let error = collection(&[("0", "0", "a.vti")], &["a.vti"]).expect_err("an image").to_string();
+        assert!(error.contains(".vti") && error.contains("save it as .vtu"), "{error}");
         let (steps, notes) =
             collection(&[("0", "0", "a.vtu"), ("0", "1", "b.vtp")], &["a.vtu", "b.vtp"]).expect("valid");
         assert_eq!((steps.len(), notes.len()), (1, 1));

@@ -7,7 +7,7 @@ mod header;
 mod open;
 mod step;
 
-pub(super) use open::FORMAT;
+pub(super) use open::{FORMAT, open_steps};
 pub(super) use step::VtuStep;
 
 use super::numbers::{self, Number, Values};

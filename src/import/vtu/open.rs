@@ -15,19 +15,30 @@ pub(in crate::import) const FORMAT: Format =
 /// Times are the `TimeValue` of the files' field data if all have one and no two are equal (which then orders the steps), else 0, 1, 2,
 /// ...; the source's notes say which. A single file without one is at 0.
 fn open(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
-    let timed = |path: &PathBuf| Ok((finite(path, time_value_of(path)?)?, path.clone()));
-    let mut timed = paths.iter().map(timed).collect::<FileResult<Vec<_>>>()?;
-    let (description, times, notes) = match (paths, &timed[..]) {
-        ([path], [(time, _)]) => {
-            (path.display().to_string(), TimeAxis { values: vec![time.unwrap_or(0.0)] }, Vec::new())
-        }
-        ([first, .., last], _) => {
+    open_steps(paths.iter().map(|path| (path.clone(), vec![path.clone()])).collect(), Vec::new())
+}
+
+/// Opens steps, each named by a file and read from some, with times as [`open`] takes them from the first of these.
+pub(in crate::import) fn open_steps(
+    steps: Vec<(PathBuf, Vec<PathBuf>)>,
+    mut notes: Vec<String>,
+) -> FileResult<Box<dyn SeriesSource>> {
+    let timed = |(path, files): &(PathBuf, Vec<PathBuf>)| match files.first() {
+        Some(first) => Ok((finite(first, time_value_of(first)?)?, path.clone())),
+        None => Ok((None, path.clone())),
+    };
+    let mut timed = steps.iter().map(timed).collect::<FileResult<Vec<_>>>()?;
+    let (description, times) = match (&steps[..], &timed[..]) {
+        ([(path, _)], [(time, _)]) => (path.display().to_string(), TimeAxis { values: vec![time.unwrap_or(0.0)] }),
+        ([(first, _), .., (last, _)], _) => {
             let (times, note) = times_of(&mut timed);
-            (format!("{} .. {} ({} files)", first.display(), last.display(), paths.len()), times, vec![note])
+            notes.insert(0, note);
+            (format!("{} .. {} ({} files)", first.display(), last.display(), steps.len()), times)
         }
         _ => return Err(FileError::invalid("", "", "no file was named")),
     };
-    let steps = timed.into_iter().map(|(_, path)| vec![path]).collect();
+    let files_of = |path: &PathBuf| steps.iter().find(|(of, _)| of == path).map(|(_, files)| files.clone());
+    let steps = timed.iter().filter_map(|(_, path)| files_of(path)).collect();
     Ok(Box::new(Series::<VtuStep>::new(description, times, steps, notes)?))
 }
 

@@ -1,0 +1,294 @@
+//! Files that stand for several `.vtu` files: what parallel codes write (`.pvtu`), blocks (`.vtm`), and lists of such files with their times
+//! (`.vtu.series`, `.pvtu.series`, `.vtm.series`).
+//!
+//! Pieces and blocks merge to one mesh. They lie in the folder of the file that names them, or below it.
+
+use super::format::{Format, extension};
+use super::series::Series;
+use super::vtu::{VtuStep, open_steps};
+use super::xml::{Attributes, same_length_utf8};
+use crate::error::{FileError, FileResult};
+use crate::field::{SeriesSource, TimeAxis};
+use crate::files;
+use quick_xml::Reader;
+use quick_xml::events::Event;
+use serde::Deserialize;
+use std::path::{Component, Path, PathBuf};
+
+/// Parallel files, one step each.
+pub(super) const PVTU: Format = Format {
+    name: "unstructured grids in pieces",
+    extensions: &["pvtu"],
+    joins: true,
+    open: open_each,
+    files: |path| Ok(Parts::of(path)?.all()),
+};
+
+/// Files of blocks, one step each.
+pub(super) const VTM: Format = Format {
+    name: "blocks",
+    extensions: &["vtm"],
+    joins: true,
+    open: open_each,
+    files: |path| Ok(Parts::of(path)?.all()),
+};
+
+/// Lists of files with their times.
+pub(super) const SERIES: Format = Format {
+    name: "lists of such files",
+    extensions: &["series"],
+    joins: false,
+    open: open_list,
+    files: |path| {
+        let mut files = Vec::new();
+        for (_, file) in listed(path)? {
+            files.extend(Parts::of(&file)?.all());
+        }
+        Ok(files)
+    },
+};
+
+/// What a file of a step stands for.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Parts {
+    /// The `.vtu` files, in the order of their names.
+    pub(super) files: Vec<PathBuf>,
+    /// The files that name them.
+    pub(super) lists: Vec<PathBuf>,
+    /// What was skipped.
+    pub(super) notes: Vec<String>,
+}
+
+impl Parts {
+    /// The parts of a `.vtu`, `.pvtu` or `.vtm` file.
+    ///
+    /// # Errors
+    /// If the file cannot be read, names no `.vtu` file, or one that is missing or outside of its folder.
+    pub(super) fn of(path: &Path) -> FileResult<Self> {
+        match extension(path).as_str() {
+            "vtu" => Ok(Self { files: vec![path.to_owned()], ..Self::default() }),
+            "pvtu" => Self::named(path, "PUnstructuredGrid", &[("Piece", "Source")]),
+            "vtm" => Self::named(path, "vtkMultiBlockDataSet", &[("DataSet", "file"), ("Piece", "file")]),
+            other => {
+                let problem = format!("files of kind .{other} are no part of a step");
+                Err(FileError::unsupported(path, "", problem).remedy("save it as .vtu"))
+            }
+        }
+    }
+
+    /// All files that are read.
+    fn all(self) -> Vec<PathBuf> {
+        [self.files, self.lists].concat()
+    }
+
+    /// The files that elements of an XML file of this type name in an attribute.
+    fn named(path: &Path, kind: &str, elements: &[(&str, &str)]) -> FileResult<Self> {
+        let bytes = files::read(path)?;
+        let text = same_length_utf8(&bytes);
+        let mut reader = Reader::from_str(&text);
+        let mut parts = Self { lists: vec![path.to_owned()], ..Self::default() };
+        let (mut is_of_kind, mut skipped) = (false, 0);
+        loop {
+            let byte = reader.buffer_position();
+            let invalid = |problem: String| FileError::invalid(path, format!("byte {byte}"), problem);
+            match reader.read_event().map_err(|e| invalid(format!("malformed XML: {e}")))? {
+                Event::Start(tag) | Event::Empty(tag) => {
+                    let (name, attributes) = (tag.name(), Attributes::of(&tag).map_err(invalid)?);
+                    if name.as_ref() == "VTKFile" {
+                        is_of_kind = attributes.get("type") == Some(kind);
+                    }
+                    if !is_of_kind {
+                        return Err(invalid(format!("this is no VTK file of type {kind}")));
+                    }
+                    // A block without a file is empty.
+                    let named = elements.iter().find(|(element, _)| *element == name.as_ref());
+                    let Some(file) = named.and_then(|(_, attribute)| attributes.get(attribute)) else { continue };
+                    if extension(Path::new(file)) == "vtp" {
+                        skipped += 1;
+                        continue;
+                    }
+                    let file = located(path, file).map_err(invalid)?;
+                    match extension(&file).as_str() {
+                        "vtu" => parts.files.push(file),
+                        "pvtu" if kind != "PUnstructuredGrid" => {
+                            let more = Self::of(&file)?;
+                            parts.files.extend(more.files);
+                            parts.lists.extend(more.lists);
+                        }
+                        other => {
+                            return Err(invalid(format!("names a file of kind .{other}; only .vtu files are read")));
+                        }
+                    }
+                }
+                Event::End(tag) if tag.name().as_ref() == "VTKFile" => break,
+                Event::Eof => {
+                    let problem = if is_of_kind { "the file ends before </VTKFile>" } else { "this is no VTK file" };
+                    return Err(invalid(problem.to_owned()).remedy("write the file again"));
+                }
+                _ => {}
+            }
+        }
+        if parts.files.is_empty() {
+            return Err(FileError::invalid(path, "", "names no .vtu file"));
+        }
+        if skipped > 0 {
+            parts.notes.push(format!("skipped {skipped} blocks that are surfaces (.vtp)"));
+        }
+        Ok(parts)
+    }
+}
+
+/// The file of a name in another file, in whose folder or below it must lie; the error says what is wrong with it.
+fn located(path: &Path, name: &str) -> Result<PathBuf, String> {
+    let name = name.replace('\\', "/");
+    let relative = Path::new(&name);
+    if !relative.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir)) {
+        return Err(format!("names '{name}', which lies outside of the folder of this file"));
+    }
+    let file = path.parent().unwrap_or(Path::new("")).join(relative);
+    if file.is_file() { Ok(file) } else { Err(format!("the file {} is missing", file.display())) }
+}
+
+/// Opens files that are a step each.
+fn open_each(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
+    let (mut steps, mut notes) = (Vec::new(), Vec::new());
+    for path in paths {
+        let Parts { files, notes: more, .. } = Parts::of(path)?;
+        notes.extend(more.into_iter().filter(|note| !notes.contains(note)).collect::<Vec<_>>());
+        steps.push((path.clone(), files));
+    }
+    open_steps(steps, notes)
+}
+
+/// A file of a list, as ParaView writes it (`file-series-version` 1.0).
+#[derive(Deserialize)]
+struct ListedFile {
+    name: String,
+    time: f64,
+}
+
+#[derive(Deserialize)]
+struct List {
+    files: Vec<ListedFile>,
+}
+
+/// The files of a list with their times, in order of time.
+fn listed(path: &Path) -> FileResult<Vec<(f64, PathBuf)>> {
+    let bytes = files::read(path)?;
+    let list: List = serde_json::from_slice(&bytes).map_err(|error| {
+        let place = format!("line {}", error.line());
+        FileError::invalid(path, place, format!("is no list of files with their times: {error}"))
+    })?;
+    let mut found = Vec::new();
+    for (number, ListedFile { name, time }) in list.files.into_iter().enumerate() {
+        let invalid = |problem: String| FileError::invalid(path, format!("file {number}"), problem);
+        // Adding zero turns -0 into +0.
+        found.push((time + 0.0, located(path, &name).map_err(invalid)?));
+    }
+    if found.is_empty() {
+        return Err(FileError::invalid(path, "", "lists no files"));
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    if let Some(pair) = found.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+        let [a, b] = [&pair[0].1, &pair[1].1].map(|file| file.display());
+        let error = FileError::invalid(path, format!("time {}", pair[0].0), format!("both {a} and {b} have it"));
+        return Err(error.remedy("remove one of the two"));
+    }
+    Ok(found)
+}
+
+/// Opens a list, the only one of `paths`.
+fn open_list(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
+    let [path] = paths else { return Err(FileError::invalid("", "", "a list is opened alone")) };
+    let (mut times, mut steps, mut notes) = (Vec::new(), Vec::new(), Vec::new());
+    for (time, file) in listed(path)? {
+        let Parts { files, notes: more, .. } = Parts::of(&file)?;
+        notes.extend(more.into_iter().filter(|note| !notes.contains(note)).collect::<Vec<_>>());
+        times.push(time);
+        steps.push(files);
+    }
+    let times = TimeAxis { values: times };
+    Ok(Box::new(Series::<VtuStep>::new(path.display().to_string(), times, steps, notes)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    /// Parts of a file with this text beside `a.vtu`, `b.vtu`, `c.pvtu` (of `b.vtu`) and `s.vtp`.
+    fn parts(name: &str, text: &str) -> Result<Vec<String>, String> {
+        let folder = tempfile::tempdir().expect("a folder");
+        let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).expect("a file");
+        ["a.vtu", "b.vtu", "s.vtp"].iter().for_each(|name| write(name, ""));
+        write("c.pvtu", &pieces("<Piece Source=\"b.vtu\"/>"));
+        write(name, text);
+        let found = Parts::of(&folder.path().join(name)).map_err(|error| error.to_string())?;
+        let name = |file: &PathBuf| file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(found.files.iter().map(name).chain(found.notes).collect())
+    }
+
+    fn pieces(pieces: &str) -> String {
+        format!(
+            "<VTKFile type=\"PUnstructuredGrid\"><PUnstructuredGrid GhostLevel=\"0\">{pieces}</PUnstructuredGrid></VTKFile>"
+        )
+    }
+
+    fn blocks(blocks: &str) -> String {
+        format!(
+            "<VTKFile type=\"vtkMultiBlockDataSet\"><vtkMultiBlockDataSet>{blocks}</vtkMultiBlockDataSet></VTKFile>"
+        )
+    }
+
+    #[test]
+    fn pieces_and_blocks_are_the_files_that_they_name() {
+        let two = "<Piece Source=\"b.vtu\"/><Piece Source=\"./a.vtu\"/>";
+        assert_eq!(parts("x.pvtu", &pieces(two)), Ok(vec!["b.vtu".to_owned(), "a.vtu".to_owned()]));
+        let nested = "<Block index=\"0\"><DataSet index=\"0\" file=\"a.vtu\"/><DataSet index=\"1\"/></Block>\
+                      <DataSet file=\"c.pvtu\"/><DataSet file=\"s.vtp\"/>";
+        let found = parts("x.vtm", &blocks(nested)).expect("valid");
+        assert_eq!(found, ["a.vtu", "b.vtu", "skipped 1 blocks that are surfaces (.vtp)"]);
+    }
+
+    #[test]
+    fn what_is_missing_outside_or_of_another_kind_is_named() {
+        for (name, text, expected) in [
+            ("x.pvtu", pieces("<Piece Source=\"d.vtu\"/>"), "d.vtu is missing"),
+            ("x.pvtu", pieces("<Piece Source=\"../a.vtu\"/>"), "outside"),
+            ("x.pvtu", pieces("<Piece Source=\"/etc/passwd\"/>"), "outside"),
+            ("x.pvtu", pieces("<Piece Source=\"c.pvtu\"/>"), ".pvtu"),
+            ("x.pvtu", pieces(""), "names no .vtu file"),
+            ("x.pvtu", blocks(""), "PUnstructuredGrid"),
+            ("x.vtm", blocks("<DataSet file=\"x.vtm\"/>"), ".vtm"),
+            ("x.vtm", blocks("<DataSet file=\"s.vtp\"/>"), "names no .vtu file"),
+            ("x.vtm", "<VTKFile type=\"vtkMultiBlockDataSet\">".to_owned(), "ends before"),
+            ("x.vtm", "no XML at all".to_owned(), "no VTK file"),
+        ] {
+            let error = parts(name, &text).expect_err(&text);
+            assert!(error.contains(expected) && error.contains(name), "{error}");
+        }
+    }
+
+    #[test]
+    fn lists_are_in_order_of_time_and_a_time_twice_is_named() {
+        let list = |text: &str| {
+            let folder = tempfile::tempdir().expect("a folder");
+            ["a.vtu", "b.vtu"].iter().for_each(|name| fs::write(folder.path().join(name), "").expect("a file"));
+            let path = folder.path().join("x.vtu.series");
+            fs::write(&path, text).expect("a file");
+            listed(&path)
+                .map(|found| found.into_iter().map(|(time, _)| time).collect::<Vec<_>>())
+                .map_err(|e| e.to_string())
+        };
+        let of = |a: &str, b: &str| {
+            format!(
+                "{{\"file-series-version\": \"1.0\", \"files\": [{{\"name\": \"b.vtu\", \"time\": {b}}}, {{\"name\": \"a.vtu\", \"time\": {a}}}]}}"
+            )
+        };
+        assert_eq!(list(&of("0.5", "2")), Ok(vec![0.5, 2.0]));
+        assert!(list(&of("1", "1")).unwrap_err().contains("both"));
+        assert!(list("{\"files\": []}").unwrap_err().contains("lists no files"));
+        assert!(list("[]").unwrap_err().contains("x.vtu.series"));
+        assert!(list(&of("1e999", "0")).is_err());
+    }
+}
