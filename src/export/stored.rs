@@ -50,8 +50,8 @@ impl<'a> StoredSeries<'a> {
         let tets: Vec<_> = cells.iter().map(tet).collect();
         let mut solids = Solids::default();
         let by_source = order_of(&cell_source);
-        for ((shape, corners), source) in split_cells.solids.iter().zip(&split_cells.source) {
-            solids.push(shape, corners.iter().map(|&v| ranks[v as usize]));
+        for (solid, source) in split_cells.solids.iter().zip(&split_cells.source) {
+            solids.push_renumbered(solid, |v| ranks[v as usize]);
             let first = by_source.partition_point(|&cell| cell_source[cell as usize] < *source);
             cells.extend(by_source.get(first));
         }

@@ -1,7 +1,8 @@
 //! Points and cells of a step, collected piece by piece, and which cell types are kept, skipped or refused.
 
 use crate::error::{FileError, FileResult};
-use crate::mesh::{RawMesh, SolidShape};
+use crate::mesh::polyhedron::close;
+use crate::mesh::{POLYHEDRON_VTK_TYPE, RawMesh, SolidShape};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -19,6 +20,8 @@ pub(super) enum Kind {
     Voxel,
     /// A cell that is split.
     Solid(SolidShape, Sides),
+    /// A cell with faces of its own, which is split.
+    Polyhedron,
     /// Another cell with a volume.
     Unread,
 }
@@ -53,7 +56,7 @@ const CELL_TYPES: &[(u8, &str, Kind)] = &[
     (33, "biquadratic quadratic hexahedron", Kind::Solid(Hexahedron, Quadratic(24))),
     (34, "biquadratic triangle", Kind::Flat), (35, "cubic line", Kind::Flat), (36, "quadratic polygon", Kind::Flat),
     (37, "triquadratic pyramid", Kind::Solid(Pyramid, Quadratic(19))), (41, "convex point set", Kind::Unread),
-    (42, "polyhedron", Kind::Unread),
+    (42, "polyhedron", Kind::Polyhedron),
     (51, "parametric curve", Kind::Flat), (52, "parametric surface", Kind::Flat),
     (53, "parametric triangle surface", Kind::Flat), (54, "parametric quad surface", Kind::Flat),
     (55, "parametric tetrahedron region", Kind::Unread), (56, "parametric hexahedron region", Kind::Unread),
@@ -128,7 +131,9 @@ impl GridReader {
             Kind::Tet(sides) => (None, sides),
             Kind::Voxel => (Some(Hexahedron), Linear),
             Kind::Solid(shape, sides) => (Some(shape), sides),
-            Kind::Flat | Kind::Unread => return Err(format!("cell {cell} is of type {number}, which is not read")),
+            Kind::Flat | Kind::Polyhedron | Kind::Unread => {
+                return Err(format!("cell {cell} is of type {number}, which is not read"));
+            }
         };
         let corners = shape.map_or(4, SolidShape::corners);
         let is_right = match sides {
@@ -161,6 +166,31 @@ impl GridReader {
         Ok(())
     }
 
+    /// Adds cell `cell` of the current piece, a polyhedron with these faces, as [`Self::push`].
+    ///
+    /// # Errors
+    /// If a vertex is no point, or the faces do not close.
+    pub(super) fn push_polyhedron(
+        &mut self,
+        cell: usize,
+        faces: &[Vec<u64>],
+        points: usize,
+        first_point: usize,
+    ) -> Result<(), String> {
+        if let Some(vertex) = faces.iter().flatten().find(|&&vertex| vertex >= points as u64) {
+            return Err(format!("has vertex {vertex}, but there are {points} points"));
+        }
+        // In range: the number of points of all pieces is.
+        let numbered = |face: &Vec<u64>| face.iter().map(|&vertex| vertex as u32).collect();
+        let mut faces: Vec<Vec<u32>> = faces.iter().map(numbered).collect();
+        close(&mut faces).map_err(|problem| problem.to_string())?;
+        faces.iter_mut().flatten().for_each(|vertex| *vertex += first_point as u32);
+        self.mesh.cells.solids.push_polyhedron(faces.iter().map(Vec::as_slice));
+        self.solids.push((self.cells + cell) as u32);
+        *self.split.entry(POLYHEDRON_VTK_TYPE).or_default() += 1;
+        Ok(())
+    }
+
     /// Index of each cell of the mesh among all cells of all pieces; `None` if it is the same.
     pub(super) fn kept(&self) -> Option<Vec<u32>> {
         let kept = || self.tets.iter().chain(&self.solids).copied();
@@ -187,6 +217,20 @@ impl GridReader {
         }
         notes
     }
+}
+
+/// The faces at the front of a list, and what follows them; `None` if the list is cut. A list has the number of the faces, then for each the
+/// number of its corners, and these.
+pub(super) fn take_faces(list: &[u64]) -> Option<(Vec<Vec<u64>>, &[u64])> {
+    let (&count, mut rest) = list.split_first()?;
+    let mut faces = Vec::new();
+    for _ in 0..count {
+        let (&corners, after) = rest.split_first()?;
+        let (face, after) = after.split_at_checked(usize::try_from(corners).ok()?)?;
+        faces.push(face.to_vec());
+        rest = after;
+    }
+    Some((faces, rest))
 }
 
 /// Name of a VTK cell type.

@@ -12,6 +12,7 @@ mod gradient;
 mod gradient_tests;
 mod locate;
 mod plane;
+pub mod polyhedron;
 mod positions;
 mod repair;
 mod report;
@@ -30,7 +31,7 @@ pub use plane::Plane;
 pub use positions::Positions;
 pub use report::RepairReport;
 pub use source_cells::SourceCells;
-pub use split::{Cells, SolidShape, Solids, Split, SplitCells, gather, split};
+pub use split::{Cells, POLYHEDRON_VTK_TYPE, Solid, SolidShape, Solids, Split, SplitCells, gather, split};
 pub use topology::{CellNeighbour, FACE_VERTICES, NONE, Topology};
 
 use glam::DVec3;

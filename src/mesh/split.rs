@@ -5,12 +5,13 @@
 //! by its corners alone: two cells that share it cut it alike, whatever their shapes (the rule of least numbers of Dompierre, Labbe,
 //! Vallet and Camarero, "How to subdivide pyramids, prisms, and hexahedra into tetrahedra", 8th International Meshing Roundtable 1999; pulling
 //! cuts a hexahedron into six tetrahedra, never five, and needs no table). The tetrahedra fill a convex cell with plane faces. Cells
-//! with a corner named twice are cut as what is left of them.
+//! with a corner named twice are cut as what is left of them. Polyhedra with any faces are cut in the same way.
 //!
 //! Faces that are not plane are two triangles. A cell that they warp so far that a corner does not see all of its faces has tetrahedra
 //! that overlap: [`Mesh::build`](super::Mesh::build) counts it.
 
 use super::NONE;
+use super::polyhedron::Polyhedron;
 use std::ops::Range;
 
 /// A shape of cells that is split, with the corners as VTK numbers them.
@@ -86,28 +87,53 @@ impl SolidShape {
     }
 }
 
-/// Cells of a [`SolidShape`] each.
+/// A cell that is split.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Solid<'a> {
+    /// A cell of a shape with its corners.
+    Shape(SolidShape, &'a [u32]),
+    /// A cell with faces of its own.
+    Polyhedron(Polyhedron<'a>),
+}
+
+impl<'a> Solid<'a> {
+    /// Its vertices.
+    pub fn vertices(self) -> &'a [u32] {
+        match self {
+            Self::Shape(_, corners) => corners,
+            Self::Polyhedron(Polyhedron { vertices, .. }) => vertices,
+        }
+    }
+
+    /// Its number in VTK (`vtkCellType.h`).
+    pub fn vtk_type(self) -> u8 {
+        match self {
+            Self::Shape(shape, _) => shape.vtk_type(),
+            Self::Polyhedron(_) => POLYHEDRON_VTK_TYPE,
+        }
+    }
+}
+
+/// VTK's number of a polyhedron.
+pub const POLYHEDRON_VTK_TYPE: u8 = 42;
+
+/// Cells that are split.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Solids {
-    shapes: Vec<SolidShape>,
-    /// Vertex indices of all corners, cell by cell.
-    corners: Vec<u32>,
+    /// Shape of each; `None` for a polyhedron.
+    shapes: Vec<Option<SolidShape>>,
+    /// Vertex indices of all cells, cell by cell.
+    vertices: Vec<u32>,
+    /// For each polyhedron the number of its vertices, and the length of its list of faces.
+    polyhedra: Vec<[u32; 2]>,
+    /// The lists of faces ([`Polyhedron`]).
+    faces: Vec<u32>,
 }
 
 impl Solids {
     /// Number of cells.
     pub fn len(&self) -> usize {
         self.shapes.len()
-    }
-
-    /// Shape of each cell.
-    pub fn shapes(&self) -> &[SolidShape] {
-        &self.shapes
-    }
-
-    /// Vertex indices of all corners, cell by cell.
-    pub fn corners(&self) -> &[u32] {
-        &self.corners
     }
 
     /// Whether there are no cells.
@@ -118,19 +144,59 @@ impl Solids {
     /// Adds a cell; the number of vertices must be that of the shape's corners.
     pub fn push(&mut self, shape: SolidShape, corners: impl ExactSizeIterator<Item = u32>) {
         assert_eq!(corners.len(), shape.corners(), "{shape:?}");
-        self.shapes.push(shape);
-        self.corners.extend(corners);
+        self.shapes.push(Some(shape));
+        self.vertices.extend(corners);
     }
 
-    /// Shape and vertex indices of the cells.
-    pub fn iter(&self) -> impl Iterator<Item = (SolidShape, &[u32])> {
-        let mut rest = self.corners.as_slice();
-        self.shapes.iter().map(move |&shape| {
-            let (corners, after) = rest.split_at(shape.corners());
-            rest = after;
-            (shape, corners)
+    /// Adds a polyhedron with these faces, ordered as by [`close`](super::polyhedron::close).
+    pub fn push_polyhedron<'a>(&mut self, faces: impl ExactSizeIterator<Item = &'a [u32]>) {
+        let [first_vertex, first_word] = [self.vertices.len(), self.faces.len()];
+        self.faces.push(faces.len() as u32);
+        for face in faces {
+            self.faces.push(face.len() as u32);
+            self.faces.extend(face);
+            for &vertex in face {
+                if !self.vertices[first_vertex..].contains(&vertex) {
+                    self.vertices.push(vertex);
+                }
+            }
+        }
+        self.shapes.push(None);
+        self.polyhedra.push([self.vertices.len() - first_vertex, self.faces.len() - first_word].map(|n| n as u32));
+    }
+
+    /// Adds a cell with other numbers of its vertices.
+    pub fn push_renumbered(&mut self, solid: Solid<'_>, number: impl Fn(u32) -> u32) {
+        match solid {
+            Solid::Shape(shape, corners) => self.push(shape, corners.iter().map(|&vertex| number(vertex))),
+            Solid::Polyhedron(polyhedron) => {
+                let faces: Vec<Vec<u32>> =
+                    polyhedron.faces().map(|face| face.iter().map(|&vertex| number(vertex)).collect()).collect();
+                self.push_polyhedron(faces.iter().map(Vec::as_slice));
+            }
+        }
+    }
+
+    /// The cells.
+    pub fn iter(&self) -> impl Iterator<Item = Solid<'_>> {
+        let (mut vertices, mut faces) = (self.vertices.as_slice(), self.faces.as_slice());
+        let mut polyhedra = self.polyhedra.iter();
+        self.shapes.iter().filter_map(move |shape| match shape {
+            Some(shape) => Some(Solid::Shape(*shape, take_front(&mut vertices, shape.corners()))),
+            None => {
+                let &[of_cell, words] = polyhedra.next()?;
+                let vertices = take_front(&mut vertices, of_cell as usize);
+                Some(Solid::Polyhedron(Polyhedron { vertices, faces: take_front(&mut faces, words as usize) }))
+            }
         })
     }
+}
+
+/// Takes some numbers from the front of a list.
+fn take_front<'a>(list: &mut &'a [u32], count: usize) -> &'a [u32] {
+    let (front, rest) = list.split_at(count);
+    *list = rest;
+    front
 }
 
 /// The cells of a [`RawMesh`](super::RawMesh): tetrahedra, then those of other shapes.
@@ -155,7 +221,7 @@ impl Cells {
 
     /// Vertex indices of each cell.
     pub fn iter(&self) -> impl Iterator<Item = &[u32]> {
-        self.tets.iter().map(<[u32; 4]>::as_slice).chain(self.solids.iter().map(|(_, corners)| corners))
+        self.tets.iter().map(<[u32; 4]>::as_slice).chain(self.solids.iter().map(Solid::vertices))
     }
 }
 
@@ -225,13 +291,12 @@ impl Split {
             vertex_of_point[point as usize] = vertex;
         }
         let first = cells - self.solids.len();
-        for (cell, (shape, corners)) in (first..).zip(self.solids.iter()).filter(|(cell, _)| is_kept[*cell]) {
-            // A point that no tetrahedron has need not exist.
-            let vertex = |&point: &u32| vertex_of_point.get(point as usize).copied().unwrap_or(NONE);
-            let vertices = || corners.iter().map(vertex);
-            if vertices().all(|vertex| vertex != NONE) {
+        // A point that no tetrahedron has need not exist.
+        let vertex = |point: u32| vertex_of_point.get(point as usize).copied().unwrap_or(NONE);
+        for (cell, solid) in (first..).zip(self.solids.iter()).filter(|(cell, _)| is_kept[*cell]) {
+            if solid.vertices().iter().all(|&point| vertex(point) != NONE) {
                 kept.source.push(cell as u32);
-                kept.solids.push(shape, vertices());
+                kept.solids.push_renumbered(solid, vertex);
             }
         }
         kept
@@ -253,11 +318,11 @@ pub fn split(cells: Cells) -> Split {
     }
     let mut cell_of_tet: Vec<u32> = (0..tets.len() as u32).collect();
     let first = cell_of_tet.len() as u32;
-    for (cell, (shape, corners)) in (first..).zip(solids.iter()) {
-        pull(shape, corners, &mut tets);
+    for (cell, solid) in (first..).zip(solids.iter()) {
+        pull(solid, &mut tets);
         if tets.len() == cell_of_tet.len() {
             // A cell without a volume, which is counted as such.
-            tets.push([corners[0]; 4]);
+            tets.push([solid.vertices().first().copied().unwrap_or_default(); 4]);
         }
         cell_of_tet.resize(tets.len(), cell);
     }
@@ -265,19 +330,34 @@ pub fn split(cells: Cells) -> Split {
 }
 
 /// Adds the tetrahedra of a cell, those without a vertex named twice.
-fn pull(shape: SolidShape, corners: &[u32], tets: &mut Vec<[u32; 4]>) {
-    let Some(&apex) = corners.iter().min() else { return };
-    for face in shape.faces() {
-        let vertex = |i: usize| corners[face[i % face.len()]];
-        let Some(least) = (0..face.len()).min_by_key(|&i| vertex(i)) else { continue };
-        if vertex(least) == apex {
-            continue;
-        }
-        for i in least + 1..least + face.len() - 1 {
-            let tet = [vertex(least), vertex(i + 1), vertex(i), apex];
-            if tet[0] != tet[1] && tet[0] != tet[2] && tet[1] != tet[2] {
-                tets.push(tet);
+fn pull(solid: Solid<'_>, tets: &mut Vec<[u32; 4]>) {
+    let Some(&apex) = solid.vertices().iter().min() else { return };
+    match solid {
+        Solid::Shape(shape, corners) => {
+            for face in shape.faces() {
+                pull_face(apex, face.len(), |i| corners[face[i]], tets);
             }
+        }
+        Solid::Polyhedron(polyhedron) => {
+            for face in polyhedron.faces() {
+                pull_face(apex, face.len(), |i| face[i], tets);
+            }
+        }
+    }
+}
+
+/// Adds the tetrahedra between the apex and a face of this many corners, cut into triangles from its corner of least number.
+#[inline(always)]
+fn pull_face(apex: u32, count: usize, corner: impl Fn(usize) -> u32, tets: &mut Vec<[u32; 4]>) {
+    let vertex = |i: usize| corner(i % count);
+    let Some(least) = (0..count).min_by_key(|&i| vertex(i)) else { return };
+    if vertex(least) == apex {
+        return;
+    }
+    for i in least + 1..least + count - 1 {
+        let tet = [vertex(least), vertex(i + 1), vertex(i), apex];
+        if tet[0] != tet[1] && tet[0] != tet[2] && tet[1] != tet[2] {
+            tets.push(tet);
         }
     }
 }

@@ -5,16 +5,18 @@ use super::layout::{self, MESH};
 use super::mesh::{ArrayWriter, column};
 use crate::codec::{Chunking, ElementType, ReadRange};
 use crate::error::{FileError, FileResult};
-use crate::mesh::{SolidShape, SplitCells};
+use crate::mesh::{POLYHEDRON_VTK_TYPE, Solid, SolidShape, SplitCells};
 use serde_json::Map;
 use std::path::Path;
 
-/// Group of the mesh that has them, absent if there are none: VTK's number of each cell's shape, its vertices in VTK's order, and its index
-/// in the source.
+/// Group of the mesh that has them, absent if there are none: VTK's number of each cell's shape, the vertices of those that are no polyhedra
+/// in VTK's order, and the index of each in the source.
 const GROUP: &str = "split_cells";
 const TYPES: &str = "types";
 const VERTICES: &str = "vertices";
 const SOURCES: &str = "sources";
+/// The faces of polyhedra, absent if there are none: for each their number, then for each face the number of its corners, and these.
+const FACES: &str = "faces";
 
 /// Writes the split cells of a mesh; returns the bytes of their chunks.
 pub(super) fn write(root: &Path, cells: &SplitCells) -> FileResult<u64> {
@@ -23,10 +25,20 @@ pub(super) fn write(root: &Path, cells: &SplitCells) -> FileResult<u64> {
     }
     let group = format!("{MESH}/{GROUP}");
     layout::write_group(root, &group, &Map::new())?;
-    let types: Vec<u8> = cells.solids.shapes().iter().map(|shape| shape.vtk_type()).collect();
+    let types: Vec<u8> = cells.solids.iter().map(Solid::vtk_type).collect();
+    let (mut corners, mut faces) = (Vec::<u32>::new(), Vec::<u32>::new());
+    for solid in cells.solids.iter() {
+        match solid {
+            Solid::Shape(_, of_cell) => corners.extend(of_cell),
+            Solid::Polyhedron(polyhedron) => faces.extend(polyhedron.faces),
+        }
+    }
     let mut to = ArrayWriter::new(root, &group);
     to.write(TYPES, column(&types), ["cell", ""], Map::new())?;
-    to.write(VERTICES, column(cells.solids.corners()), ["corner", ""], Map::new())?;
+    to.write(VERTICES, column(&corners), ["corner", ""], Map::new())?;
+    if !faces.is_empty() {
+        to.write(FACES, column(&faces), ["word", ""], Map::new())?;
+    }
     to.write(SOURCES, column(&cells.source), ["cell", ""], Map::new())?;
     Ok(to.sink.bytes)
 }
@@ -48,11 +60,21 @@ pub(super) fn read(root: &Path, source: &dyn ReadRange, vertices: u64) -> FileRe
     if !cells.source.is_sorted_by(|a, b| a < b) {
         return Err(invalid(SOURCES, "cells of the source are not in order".to_owned()));
     }
-    if let Some(beyond) = corners.iter().find(|&&vertex| u64::from(vertex) >= vertices) {
+    let has_faces = root.join(MESH).join(GROUP).join(FACES).exists();
+    let faces =
+        if has_faces { open(FACES, ElementType::U32)?.read::<u32, 1>(source)?.into_flattened() } else { vec![] };
+    let is_vertex = |vertex: &u32| u64::from(*vertex) < vertices;
+    if let Some(beyond) = corners.iter().find(|vertex| !is_vertex(vertex)) {
         return Err(invalid(VERTICES, format!("has vertex {beyond}, but the mesh has {vertices}")));
     }
-    let mut rest = corners.as_slice();
+    let (mut rest, mut faces) = (corners.as_slice(), faces.as_slice());
     for (cell, &number) in types.iter().enumerate() {
+        if number == POLYHEDRON_VTK_TYPE {
+            let of_cell = take_faces(&mut faces).filter(|of_cell| of_cell.iter().flatten().all(is_vertex));
+            let of_cell = of_cell.ok_or_else(|| invalid(FACES, format!("has no faces of split cell {cell}")))?;
+            cells.solids.push_polyhedron(of_cell.iter().map(Vec::as_slice));
+            continue;
+        }
         let shape = SolidShape::ALL.into_iter().find(|shape| shape.vtk_type() == number);
         let shape =
             shape.ok_or_else(|| invalid(TYPES, format!("cell {cell} is of type {number}, which is not known")))?;
@@ -62,8 +84,22 @@ pub(super) fn read(root: &Path, source: &dyn ReadRange, vertices: u64) -> FileRe
         cells.solids.push(shape, of_cell.iter().copied());
         rest = after;
     }
-    if rest.is_empty() {
+    if rest.is_empty() && faces.is_empty() {
         return Ok(cells);
     }
-    Err(invalid(VERTICES, format!("has {} vertices more than its cells", rest.len())))
+    Err(invalid(VERTICES, format!("has {} vertices more than its cells", rest.len().max(faces.len()))))
+}
+
+/// Takes the faces of a polyhedron from the front of a list; `None` if it is cut.
+fn take_faces(list: &mut &[u32]) -> Option<Vec<Vec<u32>>> {
+    let (&count, mut rest) = list.split_first()?;
+    let mut faces = Vec::new();
+    for _ in 0..count {
+        let (&corners, after) = rest.split_first()?;
+        let (face, after) = after.split_at_checked(corners as usize)?;
+        faces.push(face.to_vec());
+        rest = after;
+    }
+    *list = rest;
+    (!faces.is_empty()).then_some(faces)
 }

@@ -3,11 +3,22 @@
 use crate::error::FileResult;
 use crate::export::appended::{Appended, Values};
 use crate::field::Association;
-use crate::mesh::RawMesh;
+use crate::mesh::{RawMesh, Solid};
 use std::path::Path;
 
 /// VTK's cell type of a tetrahedron.
 const VTK_TETRA: u8 = 10;
+
+/// Place of the faces of a cell that has none of its own.
+const NO_FACES: i64 = -1;
+
+/// The list of a cell's faces, as VTK has it, if it is a polyhedron.
+fn faces_of(solid: Solid<'_>) -> Option<&[u32]> {
+    match solid {
+        Solid::Shape(..) => None,
+        Solid::Polyhedron(polyhedron) => Some(polyhedron.faces),
+    }
+}
 
 /// Writes one step to `path`; returns the size of the file. Each component of a field has one value per point or cell.
 pub(super) fn write(path: &Path, mesh: &RawMesh, time: f64, fields: &[Values]) -> FileResult<u64> {
@@ -28,9 +39,20 @@ pub(super) fn write(path: &Path, mesh: &RawMesh, time: f64, fields: &[Values]) -
         Some(end.to_le_bytes())
     });
     file.array("Int64", "offsets", (1, cells.len()), offsets);
-    let of_solids = cells.solids.iter().map(|(shape, _)| shape.vtk_type());
+    let of_solids = cells.solids.iter().map(Solid::vtk_type);
     let types = std::iter::repeat_n(VTK_TETRA, cells.tets.len()).chain(of_solids);
     file.array("UInt8", "types", (1, cells.len()), types.map(|number| [number]));
+    let polyhedra = || cells.solids.iter().filter_map(faces_of);
+    let words: usize = polyhedra().map(<[u32]>::len).sum();
+    if words > 0 {
+        file.array("Int64", "faces", (1, words), polyhedra().flatten().map(|word| i64::from(*word).to_le_bytes()));
+        let lists = std::iter::repeat_n(None, cells.tets.len()).chain(cells.solids.iter().map(faces_of));
+        let ends = lists.scan(0_i64, |end, list: Option<&[u32]>| {
+            *end += list.map_or(0, |list| list.len() as i64);
+            Some(if list.is_some() { *end } else { NO_FACES }.to_le_bytes())
+        });
+        file.array("Int64", "faceoffsets", (1, cells.len()), ends);
+    }
     file.text += "</Cells>\n</Piece>\n";
     file.write(path)
 }

@@ -1,8 +1,10 @@
 //! Points and cells of `.vtu` files.
 
 use super::super::cells::{GridReader, Kind, kind_of, name_of, refuse_solid};
+use super::faces::FacesOfCells;
 use super::{ArrayInfo, Piece, VtuFile};
 use crate::error::{FileError, FileResult};
+use crate::mesh::POLYHEDRON_VTK_TYPE;
 use glam::DVec3;
 
 /// Bits of the cell array `vtkGhostType` that drop a cell: a duplicate of another piece's, refined, or hidden
@@ -50,11 +52,15 @@ fn add_cells(grid: &mut GridReader, file: &VtuFile, piece: &Piece, first_point: 
     let length = offsets.last().and_then(|&end| usize::try_from(end).ok()).ok_or_else(|| bad_offset(piece.cells))?;
     let connectivity = indices(file, connectivity_array, length)?;
     let ghosts = ghost_flags(file, piece)?;
+    let has_polyhedra = types.contains(&u64::from(POLYHEDRON_VTK_TYPE));
+    let faces = if has_polyhedra { Some(FacesOfCells::read(file, piece)?) } else { None };
+    let mut faces = faces.as_ref().map(|faces| faces.of_cells(piece.cells));
     let mut begin = 0;
     for (i, (&cell_type, &end)) in types.iter().zip(&offsets).enumerate() {
         // In range: offsets do not decrease, and the last is the length.
         let vertices = &connectivity[begin..end as usize];
         begin = end as usize;
+        let of_cell = faces.as_mut().and_then(Iterator::next);
         if ghosts.get(i).is_some_and(|flags| flags & GHOST_BITS != 0) {
             grid.ghosts += 1;
             continue;
@@ -62,6 +68,12 @@ fn add_cells(grid: &mut GridReader, file: &VtuFile, piece: &Piece, first_point: 
         let bad_cell = |problem: String| file.invalid(connectivity_array, connectivity_array.byte, problem);
         match read_type(file, i, cell_type)? {
             (flat, Kind::Flat) => grid.skip(flat, 1),
+            (_, Kind::Polyhedron) => {
+                let invalid = |problem: String| FileError::invalid(&file.path, format!("cell {i}"), problem);
+                let faces = of_cell.unwrap_or(Ok(None)).map_err(|problem| invalid(problem.to_owned()))?;
+                let faces = faces.ok_or_else(|| invalid("is a polyhedron without faces".to_owned()))?;
+                grid.push_polyhedron(i, &faces, piece.points, first_point).map_err(invalid)?;
+            }
             read => grid.push(i, read, vertices, piece.points, first_point).map_err(bad_cell)?,
         }
     }
@@ -70,13 +82,15 @@ fn add_cells(grid: &mut GridReader, file: &VtuFile, piece: &Piece, first_point: 
 
 /// The VTK type of a cell that is read or skipped, and its kind. Any other type is an error.
 fn read_type(file: &VtuFile, cell: usize, cell_type: u64) -> FileResult<(u8, Kind)> {
-    let place = format!("cell {cell}");
+    let place = || format!("cell {cell}");
     match kind_of(cell_type) {
         Some((number, Kind::Unread)) => {
-            Err(refuse_solid(&file.path, place, &format!("is of type {number} ({})", name_of(number))))
+            Err(refuse_solid(&file.path, place(), &format!("is of type {number} ({})", name_of(number))))
         }
         Some(read) => Ok(read),
-        None => Err(FileError::invalid(&file.path, place, format!("is of type {cell_type}, which VTK does not know"))),
+        None => {
+            Err(FileError::invalid(&file.path, place(), format!("is of type {cell_type}, which VTK does not know")))
+        }
     }
 }
 
@@ -88,7 +102,7 @@ fn ghost_flags(file: &VtuFile, piece: &Piece) -> FileResult<Vec<u64>> {
 /// The cell array in which parallel writers flag duplicates.
 pub(crate) const GHOST_ARRAY: &str = "vtkGhostType";
 
-fn indices(file: &VtuFile, array: &ArrayInfo, count: usize) -> FileResult<Vec<u64>> {
+pub(super) fn indices(file: &VtuFile, array: &ArrayInfo, count: usize) -> FileResult<Vec<u64>> {
     let bytes = file.decode(array, count)?;
     file.values(&bytes)
         .to_indices()

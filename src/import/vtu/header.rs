@@ -3,6 +3,7 @@
 use super::super::numbers::Number;
 use super::super::xml::{Attributes, same_length_utf8};
 use super::compression::Compressor;
+use super::faces::FACE_ARRAYS;
 use crate::error::{FileError, FileResult};
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
@@ -55,6 +56,8 @@ pub(crate) struct Piece {
     pub(crate) connectivity: Option<ArrayInfo>,
     pub(crate) offsets: Option<ArrayInfo>,
     pub(crate) types: Option<ArrayInfo>,
+    /// Those of polyhedra.
+    pub(crate) face_arrays: Vec<ArrayInfo>,
 }
 
 /// A `DataArray` element.
@@ -321,6 +324,7 @@ impl Parser<'_> {
             ("Cells", "connectivity") => piece.connectivity = Some(info),
             ("Cells", "offsets") => piece.offsets = Some(info),
             ("Cells", "types") => piece.types = Some(info),
+            ("Cells", name) if FACE_ARRAYS.contains(&name) => piece.face_arrays.push(info),
             _ => {}
         }
     }

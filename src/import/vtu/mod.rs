@@ -3,6 +3,7 @@
 mod cells;
 mod compression;
 mod encoded;
+mod faces;
 mod header;
 mod open;
 mod step;
@@ -110,6 +111,7 @@ impl VtuFile {
         let points = piece.coordinates.iter().filter(|_| piece.points > 0);
         let ghosts = piece.cell_data.iter().filter(|array| array.name == cells::GHOST_ARRAY);
         let cells = [&piece.connectivity, &piece.offsets, &piece.types].into_iter().flatten().chain(ghosts);
+        let cells = cells.chain(&piece.face_arrays);
         for array in points.chain(cells.filter(|_| piece.cells > 0)) {
             self.hash_stored(array, state)?;
         }

@@ -171,7 +171,8 @@ fn shape_of(document: &Document, id: Id, name: &str) -> FileResult<CellShape> {
         let problem = format!("TopologyType=\"{name}\" is not read: only unstructured grids are");
         return Err(document.unsupported(id, problem));
     };
-    if cells::kind(cell_type.vtk) == Kind::Unread {
+    // Polyhedra are read from mixed topologies.
+    if matches!(cells::kind(cell_type.vtk), Kind::Unread | Kind::Polyhedron) {
         let what = format!("its cells are of type {} ({})", cell_type.name, cells::name_of(cell_type.vtk));
         return Err(cells::refuse_solid(document.path(), document.place(id), &what));
     }

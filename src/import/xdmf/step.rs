@@ -1,6 +1,6 @@
 //! One step: the grids that make up its mesh, and the fields on them.
 
-use super::super::cells::{GridReader, Kind, kind, name_of, refuse_solid};
+use super::super::cells::{GridReader, Kind, kind, name_of, refuse_solid, take_faces};
 use super::super::numbers::Values;
 use super::super::series::StepReader;
 use super::grid::{Attribute, CELL_TYPES, CellShape, Geometry, Grid, Topology};
@@ -198,6 +198,14 @@ impl XdmfStep {
             let known =
                 known.ok_or_else(|| invalid(format!("cell {cell} is of type {code}, which XDMF does not know")))?;
             let read = (known.vtk, kind(known.vtk));
+            if read.1 == Kind::Polyhedron {
+                let (mut faces, after) = take_faces(after).ok_or_else(cut)?;
+                faces.iter_mut().try_for_each(|face| self.rebase(topology, face))?;
+                let named = |problem: String| invalid(format!("cell {cell} {problem}"));
+                reader.push_polyhedron(cell, &faces, grid.points, first_point).map_err(named)?;
+                rest = after;
+                continue;
+            }
             if read.1 == Kind::Unread {
                 let what = format!("cell {cell} is of type {code} ({})", name_of(known.vtk));
                 return Err(refuse_solid(self.path(), self.document.place(topology.id), &what));

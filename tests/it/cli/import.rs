@@ -144,7 +144,7 @@ fn damaged_series_are_refused_and_leave_no_output_and_the_old_one_untouched() {
                     std::fs::write(p.path(&file), bytes).unwrap();
                 }
             },
-            &["tornado_0000.vtu", "42", "polyhedron"],
+            &["tornado_0000.vtu", "41", "convex point set"],
         ),
         (
             "missing field",

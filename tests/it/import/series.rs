@@ -15,6 +15,10 @@ pub struct Grid {
     pub point_arrays: Vec<(&'static str, usize, Vec<f64>)>,
     pub cell_arrays: Vec<(&'static str, usize, Vec<f64>)>,
     pub time: Option<f64>,
+    /// Faces of the cells that are polyhedra, by the index of the cell.
+    pub faces: Vec<(usize, Vec<Vec<usize>>)>,
+    /// Whether these are written as by VTK 9.4, each face on its own.
+    pub has_shared_faces: bool,
     /// Blank lines put between the numbers, which changes the bytes and not the values.
     pub separator: &'static str,
 }
@@ -27,6 +31,8 @@ impl Default for Grid {
             point_arrays: vec![("T", 1, vec![0.0, 1.0, 2.0, 3.0, 4.0])],
             cell_arrays: vec![("c", 1, vec![10.0, 20.0])],
             time: None,
+            faces: Vec::new(),
+            has_shared_faces: false,
             separator: " ",
         }
     }
@@ -69,7 +75,45 @@ impl Grid {
         let connectivity = self.cells.iter().flat_map(|(_, vertices)| vertices.iter().map(usize::to_string));
         array(&mut out, "Int32", "connectivity", 1, connectivity.collect());
         array(&mut out, "UInt8", "types", 1, self.cells.iter().map(|(kind, _)| kind.to_string()).collect());
+        for (name, numbers) in self.face_arrays() {
+            array(&mut out, "Int64", name, 1, numbers.iter().map(i64::to_string).collect());
+        }
         out + "</Cells></Piece></UnstructuredGrid></VTKFile>\n"
+    }
+}
+
+impl Grid {
+    /// The arrays of polyhedra.
+    fn face_arrays(&self) -> Vec<(&'static str, Vec<i64>)> {
+        if self.faces.is_empty() {
+            return Vec::new();
+        }
+        let of_cell = |cell: usize| self.faces.iter().find(|(of, _)| *of == cell).map(|(_, faces)| faces);
+        let number = |n: &usize| *n as i64;
+        let (mut words, mut ends) = (Vec::new(), Vec::new());
+        let (mut corners, mut face_ends, mut cell_ends) = (Vec::new(), Vec::new(), Vec::new());
+        for cell in 0..self.cells.len() {
+            if let Some(faces) = of_cell(cell) {
+                words.push(faces.len() as i64);
+                for face in faces {
+                    words.push(face.len() as i64);
+                    words.extend(face.iter().map(number));
+                    corners.extend(face.iter().map(number));
+                    face_ends.push(corners.len() as i64);
+                }
+                ends.push(words.len() as i64);
+            } else {
+                ends.push(-1);
+            }
+            cell_ends.push(face_ends.len() as i64);
+        }
+        let faces = (0..face_ends.len() as i64).collect();
+        if self.has_shared_faces {
+            let arrays = [corners, face_ends, faces, cell_ends];
+            let names = ["face_connectivity", "face_offsets", "polyhedron_to_faces", "polyhedron_offsets"];
+            return names.into_iter().zip(arrays).collect();
+        }
+        vec![("faces", words), ("faceoffsets", ends)]
     }
 }
 
@@ -184,7 +228,7 @@ fn other_cells_are_skipped_or_refused_by_name() {
         assert_eq!(read(source.as_ref(), 1, 0), Ok(vec![10.0, 20.0]), "cell values of tetrahedra only");
         assert!(source.notes()[0].starts_with("skipped 1 cells without volume: 1 "), "{:?}", source.notes());
     }
-    for (kind, name) in [(41, "convex point set"), (42, "polyhedron"), (55, "parametric"), (67, "higher order")] {
+    for (kind, name) in [(41, "convex point set"), (55, "parametric"), (67, "higher order")] {
         let error = open(kind, vec![0, 1, 2, 3]).err().expect("is refused");
         assert_eq!(error.kind, FileErrorKind::Unsupported);
         let text = error.to_string();

@@ -284,3 +284,94 @@ fn damaged_lists_of_split_cells_are_named() {
     }
     assert!(store.mesh().is_ok());
 }
+
+/// The grid with its hexahedron, wedge, prisms and tetrahedron as polyhedra, whose faces look this way or that.
+fn as_polyhedra(grid: &Grid) -> Grid {
+    let mut out = grid.clone();
+    for (cell, (kind, v)) in grid.cells.iter().enumerate() {
+        let prism = |n: usize| {
+            let sides = (0..n).map(move |i| vec![i, (i + 1) % n, n + (i + 1) % n, n + i]);
+            sides.chain([(0..n).collect(), (n..2 * n).collect()]).collect::<Vec<Vec<usize>>>()
+        };
+        let faces = match kind {
+            10 => vec![vec![0, 1, 2], vec![0, 1, 3], vec![1, 2, 3], vec![2, 0, 3]],
+            12 => prism(4),
+            13 => prism(3),
+            15 => prism(5),
+            16 => prism(6),
+            _ => continue,
+        };
+        out.cells[cell].0 = 42;
+        out.faces.push((cell, faces.into_iter().map(|face| face.into_iter().map(|i| v[i]).collect()).collect()));
+    }
+    out
+}
+
+#[test]
+fn polyhedra_are_split_as_the_shapes_that_they_are_and_share_faces_with_others() {
+    let (grid, volume) = block();
+    let boundary = boundary_triangles(&grid.cells);
+    for seed in 0..30 {
+        let shuffled = shuffled(&grid, seed);
+        let (plain, _) = build(&shuffled);
+        for has_shared_faces in [false, true] {
+            let (mesh, report) = build(&Grid { has_shared_faces, ..as_polyhedra(&shuffled) });
+            assert_eq!(
+                (report.cells_in, report.warped_cells, report.zero_volume, report.non_manifold_faces),
+                (7, 0, 0, 0)
+            );
+            assert_eq!((report.boundary_faces as usize, report.parts, report.flipped), (boundary, 3, 0), "seed {seed}");
+            assert!((volume_of(&mesh) / volume - 1.0).abs() < 1e-12);
+            assert_eq!(mesh.topology.tets.len(), plain.topology.tets.len());
+        }
+    }
+}
+
+#[test]
+fn polyhedra_come_back_from_a_store_and_from_its_export() {
+    let grid = as_polyhedra(&block().0);
+    let folder = tempfile::tempdir().expect("a folder");
+    let store = stored(&grid, &folder);
+    let source = open(&grid).1;
+    let back = StoredSeries::new(&store, &[]).expect("a source");
+    assert_eq!(back.mesh().expect("a mesh"), source.mesh().expect("a mesh"));
+    let pvd = folder.path().join("out.pvd");
+    write_collection(&back, &pvd, &VtuOptions::default(), &Silent, &Cancel::new()).expect("is written");
+    let again = import::open(&pvd).expect("opens");
+    assert_eq!(again.mesh().expect("a mesh"), source.mesh().expect("a mesh"));
+    for (field, of) in again.fields().iter().zip(source.fields()) {
+        let values = |source: &dyn SeriesSource, field| {
+            let mut values = Vec::new();
+            source.read(field, Component::Index(0), 0, &mut values).expect("values");
+            values
+        };
+        assert_eq!((&field.name, field.association), (&of.name, of.association));
+        assert_eq!(values(again.as_ref(), field), values(source.as_ref(), of));
+    }
+}
+
+#[test]
+fn polyhedra_that_do_not_close_are_named_by_file_and_cell() {
+    let grid = as_polyhedra(&block().0);
+    let error_of = |change: &dyn Fn(&mut Grid)| {
+        let mut grid = grid.clone();
+        change(&mut grid);
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.vtu");
+        fs::write(&path, grid.text()).expect("a file");
+        let error = import::open(&path).err().expect("is refused").to_string();
+        assert!(error.contains("a.vtu") && error.contains("cell 0"), "{error}");
+        error
+    };
+    assert!(error_of(&|g| _ = g.faces[0].1.pop()).contains("belongs to 1 of them"));
+    assert!(error_of(&|g| g.faces[0].1[1][2] = 99).contains("has vertex 99"));
+    assert!(error_of(&|g| g.faces[0].1[1][2] = g.faces[0].1[1][0]).contains("twice"));
+    assert!(error_of(&|g| _ = g.faces.remove(0)).contains("without faces"));
+    for (from, to) in [("\"faces\"", "\"mist\""), ("\"faceoffsets\"", "\"mist\"")] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.vtu");
+        fs::write(&path, grid.text().replace(from, to)).expect("a file");
+        let error = import::open(&path).err().expect("is refused").to_string();
+        assert!(error.contains("lacks the array") && error.contains(from.trim_matches('"')), "{error}");
+    }
+}
