@@ -168,6 +168,8 @@ fn reports(
     let report = |target: Target| {
         let series = target.moments.series();
         let name = target.writer.name().to_owned();
+        let counts = target.moments.steps().iter().enumerate().map(|(step, summary)| (step, summary.nonfinite));
+        let nonfinite_steps = counts.filter(|(_, count)| *count > 0).collect();
         let written = target.writer.finish(&target.moments)?;
         let values = if target.values_of == Association::Cell { of_cells } else { vertices };
         let counts = [values, cells, steps];
@@ -179,6 +181,7 @@ fn reports(
             values_of: target.values_of,
             range: series.range,
             nonfinite: series.nonfinite,
+            nonfinite_steps,
             bytes: written.bytes,
             compression,
         })

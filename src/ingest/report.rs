@@ -89,6 +89,8 @@ pub struct FieldReport {
     pub range: Option<[f32; 2]>,
     /// Number of NaN and infinite values.
     pub nonfinite: u64,
+    /// The steps that have such values, and how many.
+    pub nonfinite_steps: Vec<(usize, u64)>,
     /// Bytes of its chunks.
     pub bytes: u64,
     /// Sizes and errors, if the values were compressed.
@@ -127,7 +129,14 @@ impl fmt::Display for IngestReport {
                 _ => {}
             }
             if field.nonfinite > 0 {
-                write!(f, ", {} values not finite", field.nonfinite)?;
+                let steps = match &field.nonfinite_steps[..] {
+                    [(step, _)] => format!("step {step}"),
+                    [(first, _), .., (last, _)] => {
+                        format!("{} steps from {first} to {last}", field.nonfinite_steps.len())
+                    }
+                    [] => "no step".to_owned(),
+                };
+                write!(f, ", {} values not finite, in {steps}", field.nonfinite)?;
             }
             writeln!(f)?;
             if let Some(compression) = &field.compression {

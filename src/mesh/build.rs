@@ -45,7 +45,9 @@ use rayon::prelude::*;
 
 use super::curve::{CurveKey, cell_curve_index, curve_index, sort_along_curve};
 use super::repair::{self, Orientation};
-use super::{Mesh, MeshError, NONE, Positions, RawMesh, RepairReport, Split, faces, split};
+use super::{
+    Mesh, MeshError, NONE, Positions, RawMesh, RepairReport, Split, WorstCell, faces, split, tet_aspect_ratio,
+};
 
 impl Mesh {
     /// Repairs a mesh, brings it into curve order and derives its faces. What was found and repaired is in the report:
@@ -120,9 +122,40 @@ impl Mesh {
         report.non_manifold_faces = non_manifold_faces;
         report.boundary_faces = topology.boundary_faces().count() as u64;
         report.parts = topology.count_parts();
+        report.worst_cells = worst_cells(&topology.tets, &positions.local, &cell_source);
         Ok((Mesh { topology, positions, vertex_source, cell_source, cell_turned, split_cells }, report))
     }
 }
+
+/// The tets of the greatest aspect ratios, the worst first, of equal ones the one of the lower source.
+fn worst_cells(tets: &[[u32; 4]], local: &[Vec3], cell_source: &[u32]) -> Vec<WorstCell> {
+    let is_worse =
+        |a: &WorstCell, b: &WorstCell| b.aspect_ratio.total_cmp(&a.aspect_ratio).then(a.source.cmp(&b.source));
+    let worst_of = |mut cells: Vec<WorstCell>| {
+        cells.sort_unstable_by(is_worse);
+        // A cell of the source is named once.
+        let mut named: Vec<WorstCell> = Vec::new();
+        for cell in cells {
+            if named.len() < WorstCell::MOST && named.iter().all(|other| other.source != cell.source) {
+                named.push(cell);
+            }
+        }
+        named
+    };
+    let of_run = |(tets, sources): (&[[u32; 4]], &[u32])| {
+        let ratio = |tet: &[u32; 4]| tet_aspect_ratio(tet.map(|v| local[v as usize]));
+        worst_of(
+            std::iter::zip(tets, sources)
+                .map(|(tet, &source)| WorstCell { source, aspect_ratio: ratio(tet) })
+                .collect(),
+        )
+    };
+    let runs = tets.par_chunks(WORST_RUN).zip(cell_source.par_chunks(WORST_RUN));
+    runs.map(of_run).reduce(Vec::new, |a, b| worst_of([a, b].concat()))
+}
+
+/// Cells that a task looks for the worst of.
+const WORST_RUN: usize = 1 << 12;
 
 /// Curve keys, in order, of the vertices that cells with a volume use.
 fn order_vertices(tets: &[[u32; 4]], orientations: &[Orientation], local: &[Vec3]) -> Vec<CurveKey> {

@@ -1,6 +1,6 @@
 //! Volumes of cells.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use robust::{Coord3D, orient3d};
 
@@ -12,6 +12,23 @@ pub fn tet_volume(corners: [Vec3; 4]) -> f64 {
     let [a, b, c, d] = corners.map(|p| Coord3D { x: p.x, y: p.y, z: p.z });
     // Shewchuk's sign is positive for d below the plane of a, b, c (counter-clockwise seen from above); ours is negative.
     -orient3d(a, b, c, d) / 6.0
+}
+
+/// Aspect ratio from which on the rounding of a volume shows.
+const FLAT: f64 = 1e6;
+
+/// Aspect ratio of a tet with a volume: its longest edge over sqrt(24) times the radius of its inscribed sphere, which is 1 for a regular
+/// one and grows without bound for flat ones.
+pub fn tet_aspect_ratio(corners: [Vec3; 4]) -> f64 {
+    let [a, b, c, d] = corners.map(|p| p.as_dvec3());
+    let area = |p: DVec3, q: DVec3, r: DVec3| 0.5 * (q - p).cross(r - p).length();
+    let surface = area(a, b, c) + area(a, b, d) + area(a, c, d) + area(b, c, d);
+    let edges = [b - a, c - a, d - a, c - b, d - b, d - c];
+    let longest = edges.iter().map(|edge| edge.length_squared()).fold(0.0, f64::max).sqrt();
+    // The inscribed sphere has radius 3 V / S. Rounding may leave nothing of the volume of a flat cell: that one is computed exactly.
+    let ratio = |volume: f64| longest * surface / (24f64.sqrt() * 3.0 * volume.abs());
+    let rounded = ratio((b - a).dot((c - a).cross(d - a)) / 6.0);
+    if rounded < FLAT { rounded } else { ratio(tet_volume(corners)) }
 }
 
 impl Mesh {
@@ -41,6 +58,17 @@ mod tests {
         let [a, b, c, d] = UNIT;
         assert_eq!(tet_volume([a, b, c, d]), 1.0 / 6.0);
         assert_eq!(tet_volume([a, b, d, c]), -1.0 / 6.0);
+    }
+
+    #[test]
+    fn the_aspect_ratio_is_1_for_a_regular_tet_and_that_of_the_unit_tet_by_hand() {
+        let regular = [[1.0f32, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]].map(Vec3::from);
+        assert!((tet_aspect_ratio(regular) - 1.0).abs() < 1e-14);
+        // Longest edge sqrt 2, surface (3 + sqrt 3) / 2, volume 1/6.
+        let unit = 2f64.sqrt() * (3.0 + 3f64.sqrt()) / 24f64.sqrt();
+        assert!((tet_aspect_ratio(UNIT) - unit).abs() < 1e-14);
+        let [a, b, c, d] = UNIT;
+        assert!(tet_aspect_ratio([a, b, c, d * 1e-4]) > 1e3);
     }
 
     #[test]

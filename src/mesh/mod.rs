@@ -25,11 +25,11 @@ mod tests;
 mod topology;
 
 pub use error::MeshError;
-pub use geometry::tet_volume;
+pub use geometry::{tet_aspect_ratio, tet_volume};
 pub use gradient::{tet_gradient, tet_gradient_magnitude};
 pub use plane::Plane;
 pub use positions::Positions;
-pub use report::RepairReport;
+pub use report::{RepairReport, WorstCell};
 pub use source_cells::SourceCells;
 pub use split::{Cells, POLYHEDRON_VTK_TYPE, Solid, SolidShape, Solids, Split, SplitCells, gather, split};
 pub use topology::{CellNeighbour, FACE_VERTICES, NONE, Topology};

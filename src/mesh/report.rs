@@ -6,7 +6,7 @@ use serde::Serialize;
 
 /// Counts of what was found and repaired while a mesh was built. `Display` gives a clean mesh one line, and any other
 /// one more line for each kind of repair or defect.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RepairReport {
     /// Cells in the source.
     pub cells_in: u64,
@@ -39,6 +39,25 @@ pub struct RepairReport {
     pub boundary_faces: u64,
     /// Connected components, through faces.
     pub parts: u64,
+    /// The tetrahedra of the greatest aspect ratios, the worst first; at most [`WorstCell::MOST`].
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub worst_cells: Vec<WorstCell>,
+}
+
+/// A tetrahedron far from a regular one.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct WorstCell {
+    /// The cell of the source that it is, or is a part of.
+    pub source: u32,
+    /// Its aspect ratio ([`tet_aspect_ratio`](super::tet_aspect_ratio)).
+    pub aspect_ratio: f64,
+}
+
+impl WorstCell {
+    /// Number of cells that are named.
+    pub const MOST: usize = 5;
+    /// Aspect ratios up to this are not worth a line: boundary layers have them.
+    const WORTH_A_LINE: f64 = 1000.0;
 }
 
 /// Whether a count is left out: meshes of tetrahedra say nothing of splits.
@@ -84,6 +103,11 @@ impl fmt::Display for RepairReport {
         for (count, what) in self.findings().filter(|&(count, _)| count > 0) {
             write!(f, "\n{what}: {count}")?;
         }
+        if self.worst_cells.first().is_some_and(|worst| worst.aspect_ratio > WorstCell::WORTH_A_LINE) {
+            let of = |cell: &WorstCell| format!("{} ({:.1e})", cell.source, cell.aspect_ratio);
+            let cells: Vec<String> = self.worst_cells.iter().map(of).collect();
+            write!(f, "\nflattest cells of the source (aspect ratio): {}", cells.join(", "))?;
+        }
         Ok(())
     }
 }
@@ -97,6 +121,15 @@ mod tests {
         let report = RepairReport { cells_out: 6, vertices_out: 8, boundary_faces: 12, parts: 1, ..Default::default() };
         assert!(report.is_clean());
         assert_eq!(report.to_string(), "6 cells, 8 vertices, 12 boundary faces, 1 part");
+    }
+
+    #[test]
+    fn flat_cells_are_named_by_their_numbers_in_the_source() {
+        let cell = |source, aspect_ratio| WorstCell { source, aspect_ratio };
+        let of = |worst_cells| RepairReport { worst_cells, ..Default::default() }.to_string();
+        let text = of(vec![cell(17, 23456.0), cell(4, 3.0)]);
+        assert!(text.ends_with("flattest cells of the source (aspect ratio): 17 (2.3e4), 4 (3.0e0)"), "{text}");
+        assert!(!of(vec![cell(17, 900.0)]).contains("flattest"));
     }
 
     #[test]
