@@ -1,8 +1,9 @@
 //! Options for surfaces.
 
+use crate::field::Association;
 use crate::look::mapped_range;
 use crate::mesh::Mesh;
-use crate::pipeline::{ColorsBeside, Series, Shown, SurfaceLook};
+use crate::pipeline::{ColorsBeside, Regions, Series, Shown, SurfaceLook};
 use crate::project::Project;
 use crate::render::domain::DomainSurface;
 use crate::render::surfaces::{
@@ -35,6 +36,9 @@ pub(super) struct SurfaceArgs {
     /// Show these connected parts of the mesh alone, by their numbers: 0 has most cells
     #[arg(long, value_name = "0,2,..", value_delimiter = ',')]
     parts: Vec<u32>,
+    /// Show the cells alone in which a field of cells has these values, as those of blocks or materials: FIELD=VALUE,FROM..TO
+    #[arg(long, value_name = "REGIONS", allow_hyphen_values = true)]
+    regions: Option<Regions>,
     /// Leave the volume out and draw surfaces and sections alone
     #[arg(long)]
     no_volume: bool,
@@ -71,7 +75,8 @@ impl SurfaceArgs {
     /// The surfaces of a look: `series` is the field shown, beside which others are opened; `tf` gives its colours to surfaces without
     /// their own.
     pub(super) fn look(&self, series: &Series, tf: &TransferFunction, lengths: Lengths) -> anyhow::Result<SurfaceLook> {
-        let Self { iso, cut, crop, surface, parts, no_volume, shade, shade_volume, light, ao, no_smoothing } = self;
+        let Self { iso, cut, crop, surface, parts, regions, no_volume, .. } = self;
+        let Self { shade, shade_volume, light, ao, no_smoothing, .. } = self;
         let mut beside = Beside { series, tf, lengths, found: Vec::new(), colors: Vec::new() };
         let mut isosurfaces = Vec::with_capacity(iso.len());
         for IsosurfaceText { surface, by } in iso {
@@ -107,6 +112,7 @@ impl SurfaceArgs {
             domain: surface.clone(),
             beside,
             parts: parts.clone(),
+            regions: regions.clone(),
             shading,
             shown,
         })
@@ -153,6 +159,7 @@ impl Beside<'_> {
 /// Checks that all surfaces are visible in a series: [`check_range`] and [`check_cuts`].
 pub(super) fn check(look: &SurfaceLook, project: Option<&Project>, series: &Series) -> anyhow::Result<()> {
     check_parts(look, series.mesh())?;
+    check_regions(look, series)?;
     check_range(look, project, series.field())?;
     check_cuts(look, project, series.mesh())
 }
@@ -170,6 +177,33 @@ fn check_parts(look: &SurfaceLook, mesh: &Mesh) -> anyhow::Result<()> {
         bail!("--parts {part}: the mesh has {count}, counted from 0, of {}{more} cells", cells.join(", "));
     }
     Ok(())
+}
+
+/// Checks that regions are of a field of cells, and that some value of it is among those chosen.
+fn check_regions(look: &SurfaceLook, series: &Series) -> anyhow::Result<()> {
+    let Some(regions) = &look.regions else { return Ok(()) };
+    let of = series.beside(&regions.field.parse().map_err(anyhow::Error::msg)?)?;
+    if of.association() == Association::Point {
+        bail!(
+            "--regions {regions}: '{}' has values of vertices; regions are chosen by a field of cells",
+            regions.field
+        );
+    }
+    let is_met = |range: [f32; 2]| {
+        let [least, greatest] = range.map(f64::from);
+        regions.values.iter().any(|&[from, to]| from <= greatest && least <= to)
+    };
+    match of.field().range {
+        Some(range) if !is_met(range) => {
+            bail!(
+                "--regions {regions}: no cell has such a value; those of '{}' go from {} to {}",
+                regions.field,
+                Short(range[0]),
+                Short(range[1])
+            )
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Checks that all isosurfaces lie within the range of the whole series, that of the timeline at some time: others are never visible.

@@ -1,6 +1,6 @@
 //! The layers of a request, as plain data.
 
-use super::{FrameRequest, TetDraw};
+use super::{FrameRequest, Regions, TetDraw};
 use crate::camera::PixelSetError;
 use crate::node_table::{NodeTable, TransferTable};
 use crate::optics::OpticsKind;
@@ -81,6 +81,9 @@ pub struct TetLayer {
     /// Numbers of the connected parts of the mesh that are shown ([`Topology::parts`](crate::mesh::Topology::parts)); empty: all.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<u32>,
+    /// The regions of the mesh that are shown; `None`: all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub regions: Option<Regions>,
     /// Light on surfaces.
     #[serde(default)]
     pub shading: SurfaceShading,
@@ -115,6 +118,7 @@ impl TetLayer {
             beside: Vec::new(),
             domain: Vec::new(),
             parts: Vec::new(),
+            regions: None,
             shading: SurfaceShading::default(),
             volume: true,
             draw: TetDraw::default(),
@@ -126,6 +130,7 @@ impl TetLayer {
         let sides = look.crop.iter().flat_map(CropBox::cuts);
         self.cuts = look.cuts.iter().copied().chain(sides).collect();
         (self.domain, self.beside, self.parts) = (look.domain.clone(), look.beside.clone(), look.parts.clone());
+        self.regions = look.regions.clone();
         self.surfaces = if look.shown == Shown::Volume { Vec::new() } else { look.isosurfaces.clone() };
         (self.shading, self.volume) = (look.shading, look.shown != Shown::Surfaces);
     }
@@ -149,9 +154,10 @@ impl TetLayer {
 
     /// Whether both look the same.
     fn looks_like(&self, other: &Self) -> bool {
-        let Self { field, table, formula, optics, surfaces, cuts, beside, domain, parts, shading, volume, draw } = self;
+        let Self { field, table, formula, optics, surfaces, cuts, beside, domain, .. } = self;
+        let Self { parts, regions, shading, volume, draw, .. } = self;
         (field, surfaces, cuts, domain) == (&other.field, &other.surfaces, &other.cuts, &other.domain)
-            && (beside, parts) == (&other.beside, &other.parts)
+            && (beside, parts, regions) == (&other.beside, &other.parts, &other.regions)
             && (*optics, *shading, *volume, *draw) == (other.optics, other.shading, other.volume, other.draw)
             && *table == other.table
             && (!self.needs_formula() || *formula == other.formula)
@@ -173,6 +179,8 @@ pub struct SurfaceLook {
     pub beside: Vec<ColorsBeside>,
     /// Numbers of the parts of the mesh that are shown; empty: all.
     pub parts: Vec<u32>,
+    /// The regions of the mesh that are shown; `None`: all.
+    pub regions: Option<Regions>,
     /// Light on isosurfaces.
     pub shading: SurfaceShading,
     /// Whether volume, surfaces or both are drawn.
@@ -291,6 +299,9 @@ pub enum RequestError {
     /// The store has no field of that name beside the one shown.
     #[error("the field beside {0}")]
     NoFieldBeside(String),
+    /// Regions are of no field of cells.
+    #[error("the regions of the request: {0}")]
+    NoRegions(String),
     /// A plane is invalid.
     #[error("the cuts of the request: {0}")]
     Cuts(#[from] CutError),

@@ -25,6 +25,7 @@ mod quantities;
 mod queue;
 mod ranges;
 mod rankings;
+mod regions;
 mod request;
 mod residual;
 mod samples;
@@ -47,6 +48,7 @@ pub use layer::{ColorsBeside, KeyedSurfaces, Layer, RequestError, Shown, Surface
 pub use pipelined::{Pipelined, PipelinedOptions};
 pub use queue::{FrameId, Preparations};
 pub use rankings::Sampling;
+pub use regions::Regions;
 pub use request::{FrameRequest, PipelineError};
 pub use residual::{ResidualBase, ResidualRequest};
 pub use samples::SampleSet;

@@ -8,10 +8,11 @@ use super::series::Series;
 use super::steps::StepCache;
 use super::transparent::TransparentCache;
 use super::{
-    Backend, DrawnBy, FaceDetail, FrameRequest, FrameTime, PipelineError, RequestError, SampleSet, TetLayer, Upsampling,
+    Backend, DrawnBy, FaceDetail, FrameRequest, FrameTime, PipelineError, Regions, RequestError, SampleSet, TetLayer,
+    Upsampling,
 };
 use crate::camera::{Samples, View};
-use crate::field::{Association, Scalars};
+use crate::field::{Association, FieldSelector, Scalars};
 use crate::lod::Selector;
 use crate::mesh::Plane;
 use crate::node_table::NodeTable;
@@ -46,6 +47,8 @@ pub(super) struct Decoded {
     colors: SurfaceColors,
     /// Other fields at the same time.
     beside: Vec<FieldBeside>,
+    /// Values of the cells by which regions are chosen, if they are.
+    region_values: Option<Arc<Vec<f32>>>,
     /// Labels of chunks that were not decoded; empty if all were.
     known: Vec<Option<Label>>,
     stats: FrameStats,
@@ -59,6 +62,8 @@ pub(super) struct Decode {
     colors: Option<SurfaceColors>,
     /// Decoded steps of other fields, by name.
     beside: Vec<(String, StepCache)>,
+    /// Decoded steps of the field by which regions are chosen.
+    region_values: StepCache,
     blank: Option<Blank>,
 }
 
@@ -83,6 +88,7 @@ impl Decode {
         let mut stats = FrameStats::default();
         if !request.skip.unchanged {
             (self.steps, self.transparent, self.colors, self.beside, self.blank) = Default::default();
+            self.region_values = StepCache::default();
         }
         let layer = request.tets_of(&series.field.name)?;
         let by = layer.map_or(DrawnBy::Raycast, |layer| layer.draw.drawn_by());
@@ -104,12 +110,34 @@ impl Decode {
         let scalars = self.steps.show(series, request.time, chunks, cancel, &mut stats)?;
         let scalars = series.scalars(scalars.ok_or(PipelineError::Cancelled)?);
         let beside = self.beside(series, &layer, request.time, cancel, &mut stats)?;
+        let region_values = self.region_values(series, &layer, request.time, cancel, &mut stats)?;
         let known = needed.map(|needed| needed.labels).unwrap_or_default();
         stats.chunks_skipped = known.iter().filter(|label| label.is_some()).count() as u64;
         let is_for_gpu = request.backend != Backend::Cpu && by != DrawnBy::Reference;
         let compressed = if is_for_gpu { series.compressed(request.time)? } else { None };
         stats.ms_decode = started.elapsed().as_secs_f64() * 1e3;
-        Ok(Decoded { layer, by, scalars, compressed, transparent, colors, beside, known, stats })
+        Ok(Decoded { layer, by, scalars, compressed, transparent, colors, beside, region_values, known, stats })
+    }
+
+    /// The values by which a layer chooses regions, at the last step that was reached: mixtures of numbers of regions are none.
+    fn region_values(
+        &mut self,
+        series: &Series,
+        layer: &TetLayer,
+        time: FrameTime,
+        cancel: &Cancel,
+        stats: &mut FrameStats,
+    ) -> Result<Option<Arc<Vec<f32>>>, PipelineError> {
+        let Some(Regions { field, .. }) = &layer.regions else { return Ok(None) };
+        let bad = |error: String| RequestError::NoRegions(format!("'{field}' {error}"));
+        let Ok(selector) = field.parse::<FieldSelector>();
+        let of = series.beside(&selector)?;
+        if of.association() == Association::Point {
+            let problem = "has values of vertices; regions are chosen by a field of cells";
+            return Err(bad(problem.to_owned()).into());
+        }
+        let values = self.region_values.show(&of, time.step().into(), None, cancel, stats)?;
+        Ok(Some(values.ok_or(PipelineError::Cancelled)?))
     }
 
     /// The other fields of a layer at a time.
@@ -210,6 +238,7 @@ impl Blank {
             transparent: self.transparent.clone(),
             colors: SurfaceColors { table: self.table.clone(), source: None },
             beside: Vec::new(),
+            region_values: None,
             known: Vec::new(),
             stats: FrameStats::default(),
         }
@@ -333,11 +362,12 @@ impl Order {
             return Err(RequestError::AdaptiveBy(decoded.by.name()).into());
         }
         let planes = cut_planes(&decoded.layer.cuts, &series.mesh.positions).map_err(RequestError::from)?;
-        let Decoded { layer, scalars, known, transparent, .. } = &decoded;
+        let Decoded { layer, scalars, known, transparent, region_values, .. } = &decoded;
+        let region_values = region_values.as_ref();
         let forget = !request.skip.unchanged;
         // The reference skips nothing.
         let keep_away = !request.skip.outside || decoded.by == DrawnBy::Reference;
-        let in_sight = InSight { layer, scalars, known, transparent, planes: &planes, keep_away };
+        let in_sight = InSight { layer, scalars, known, transparent, region_values, planes: &planes, keep_away };
         let (activity, clipped) = self.in_sight.find(series, in_sight, forget, cancel)?;
         let goes_through_more = !request.skip.transparent_cells || keep_away && !planes.clips.is_empty();
         let domain = if (is_adaptive || has_edges) && goes_through_more {

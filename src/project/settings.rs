@@ -4,7 +4,7 @@ use super::ProjectError;
 use crate::camera::Camera;
 use crate::field::FieldSelector;
 use crate::optics::OpticsKind;
-use crate::pipeline::{Backend, RenderMode};
+use crate::pipeline::{Backend, Regions, RenderMode};
 use crate::render::surfaces::{CropBox, Light, Normals};
 use crate::timeline::Keyframed;
 use crate::transfer::{ColorWeighting, OpacityKind, RangeMap};
@@ -60,6 +60,9 @@ pub struct LookSettings {
     /// Numbers of the parts of the mesh that are shown, as `--parts` has them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<u32>,
+    /// The regions of the mesh that are shown, as `--regions` has them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub regions: Option<Regions>,
     /// Whether the volume is left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub no_volume: Option<bool>,

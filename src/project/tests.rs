@@ -47,6 +47,7 @@ fn whole() -> Project {
         iso: vec!["0.5:#ff0000:0.25".into(), "-2.5".into()],
         cut: vec!["point=0,0,1 normal=0,0,1 clip".into(), "point=0,0,0 normal=1,0,0".into()],
         crop: Some("min=-1,-1,-1 max=1,1,2.5".parse().unwrap()),
+        regions: Some("block=0,2..3".parse().unwrap()),
         no_volume: Some(true),
         shade: Some(Normals::Vertex),
         light: Some(Light::From([0.0, 0.5, -1.0])),

@@ -15,6 +15,7 @@ mod part_cells;
 mod parts;
 mod pool;
 mod radix;
+mod restricted;
 mod skip;
 mod transparent;
 
@@ -29,6 +30,7 @@ pub use outside::NeededClusters;
 pub use part_cells::PartCells;
 pub use pool::Pool;
 pub use radix::ascending_bits;
+pub use restricted::Restricted;
 pub use skip::Skip;
 pub use transparent::{HOLE, Label, TransparentIntervals, VISIBLE};
 

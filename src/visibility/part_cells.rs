@@ -1,6 +1,6 @@
 //! Restricts cells to connected parts of a mesh, by number.
 
-use super::{Activity, CellSet};
+use super::{Activity, CellSet, Restricted};
 use crate::mesh::Mesh;
 use std::sync::{Arc, Weak};
 
@@ -9,8 +9,8 @@ use std::sync::{Arc, Weak};
 pub struct PartCells {
     of: Weak<Mesh>,
     parts: Vec<u32>,
-    cells: CellSet,
-    last: Option<([Weak<CellSet>; 2], Activity)>,
+    cells: Arc<CellSet>,
+    restricted: Restricted,
 }
 
 impl PartCells {
@@ -23,25 +23,10 @@ impl PartCells {
                 is_shown.get_mut(part as usize).into_iter().for_each(|is_shown| *is_shown = true);
             }
             let cells = CellSet::of(part.len(), |cell| is_shown[part[cell] as usize]);
-            *self = Self { of: Arc::downgrade(mesh), parts: parts.to_vec(), cells, last: None };
+            let cells = Arc::new(cells);
+            *self = Self { of: Arc::downgrade(mesh), parts: parts.to_vec(), cells, restricted: Restricted::default() };
         }
-        let of = [&activity.finite, &activity.active].map(Arc::downgrade);
-        if let Some((last, left)) = &self.last
-            && std::iter::zip(last, &of).all(|(a, b)| a.ptr_eq(b))
-        {
-            return Activity { classified: activity.classified, ..left.clone() };
-        }
-        let both = |set: &CellSet| {
-            let mut left = set.clone();
-            left.words_mut().iter_mut().zip(self.cells.words()).for_each(|(word, part)| *word &= part);
-            Arc::new(left)
-        };
-        let finite = both(&activity.finite);
-        let is_all = Arc::ptr_eq(&activity.finite, &activity.active);
-        let active = if is_all { finite.clone() } else { both(&activity.active) };
-        let left = Activity { finite, active, classified: activity.classified };
-        self.last = Some((of, left.clone()));
-        left
+        self.restricted.to(&self.cells, activity)
     }
 }
 

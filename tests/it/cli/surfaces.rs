@@ -126,6 +126,10 @@ fn parts_that_there_are_not_are_refused_and_the_only_one_is_the_whole() {
     assert!(exr(&place, &["--parts", "0"]).color == all.color);
     let missing = render(&["-o", "x.png", "--steps", "1", "--parts", "0,1"]);
     place.refuses(&missing, &["--parts 1: the mesh has 1 part, counted from 0"]);
+    for (regions, problem) in [("linear=1", "has values of vertices"), ("linear", "write FIELD=VALUE")] {
+        let wrong = render(&["-o", "x.png", "--steps", "1", "--regions", regions]);
+        place.refuses(&wrong, &["--regions", problem]);
+    }
 }
 
 #[test]

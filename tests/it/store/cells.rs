@@ -3,11 +3,13 @@
 use super::append::{add, part, vq};
 use super::{Formulas, field, import, sample};
 use std::fs;
+use tetreel::camera::Camera;
 use tetreel::export::StoredSeries;
 use tetreel::field::{Association, Component, FieldSelector, SeriesSource};
 use tetreel::ingest::{AppendOptions, IngestOptions};
 use tetreel::mesh::SolidShape;
-use tetreel::pipeline::Series;
+use tetreel::node_table::{Node, NodeTable};
+use tetreel::pipeline::{Backend, FrameRequest, FrameTime, Pipeline, Series, TetDraw};
 use tetreel::store::{FieldReader, Store};
 use tetreel::task::Cancel;
 
@@ -215,4 +217,81 @@ fn quantities_of_a_field_of_cells_are_of_cells() {
     let sums = histograms.iter().map(|of| of.counts().iter().sum::<u64>()).collect::<Vec<_>>();
     assert_eq!(sums, [5 * cells as u64, 5 * cells as u64, cells as u64, 5 * cells as u64]);
     assert!(!series.distribution(&cancel).unwrap().unwrap().is_empty());
+}
+
+/// A store with a field of vertices and two of cells: number of a block, which changes at step 2, and a quantity.
+fn blocks(dir: &std::path::Path) -> Store {
+    let path = dir.join("s.zarr");
+    let mut source = sample(4);
+    source.fields =
+        vec![field("T", 1, Association::Point), field("block", 1, Association::Cell), field("q", 1, Association::Cell)];
+    source.value = Box::new(|name, _, step, i| match name {
+        "block" if step < 2 => (i % 3) as f32,
+        "block" => (i % 2) as f32,
+        _ => (i as f32 * 0.37).sin(),
+    });
+    import(&source, &path, &IngestOptions::default()).unwrap();
+    Store::open(&path).unwrap()
+}
+
+#[test]
+fn regions_are_the_cells_with_certain_values_at_the_last_step() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = blocks(dir.path());
+    let node = |scalar| Node { scalar, rgb: [0.9, 0.5, 0.1], tau: 2.0 };
+    let table = std::sync::Arc::new(NodeTable::new(vec![node(-2.0), node(2.0)]).unwrap());
+    for shown in ["T", "q"] {
+        let mut pipeline = Pipeline::open(&store, Some(&selector(shown))).unwrap();
+        let camera = Camera::default_for(pipeline.mesh().positions.world_bounds()).unwrap();
+        let of = |time: FrameTime, regions: Option<&str>| {
+            let request = FrameRequest::new(time, camera, table.clone(), (40, 30));
+            FrameRequest { backend: Backend::Cpu, ..request }
+                .with_tets(|tets| tets.regions = regions.map(|text| text.parse().unwrap()))
+        };
+        for (time, kept) in [
+            (FrameTime::from(1), 3),
+            (FrameTime::between(1, 2, 0.9), 3),
+            (FrameTime::from(2), 2),
+            (FrameTime::between(2, 3, 0.1), 2),
+        ] {
+            let request = of(time, Some("block=1"));
+            let job = pipeline.prepare(&request).unwrap();
+            let mesh = pipeline.mesh().clone();
+            for (cell, &source) in (0..).zip(&mesh.cell_source) {
+                assert_eq!(job.active.contains(cell), source % kept == 1, "{shown}, {time:?}, {cell}");
+            }
+            let all = pipeline.render(&of(time, None)).unwrap().planes.clone();
+            let mut drawn = Vec::new();
+            for draw in [TetDraw::Raycast, TetDraw::ALL_FACES, TetDraw::Reference] {
+                drawn.push(pipeline.render(&request.clone().with_draw(draw)).unwrap().planes.clone());
+            }
+            let difference = |a: &tetreel::image::Planes, b: &tetreel::image::Planes| {
+                let pairs = a.color.pixels.iter().flatten().zip(b.color.pixels.iter().flatten());
+                pairs.map(|(a, b)| (a - b).abs()).fold(0f32, f32::max)
+            };
+            assert!(difference(&drawn[0], &drawn[2]) < 1e-5 && difference(&drawn[1], &drawn[2]) < 1e-5);
+            assert!(difference(&drawn[0], &all) > 0.1, "something is left out");
+        }
+        // All regions are all cells, to the bit; and none of them is drawn of none.
+        let all = pipeline.render(&of(1.into(), None)).unwrap().planes.clone();
+        assert!(pipeline.render(&of(1.into(), Some("block=0..2"))).unwrap().planes == all);
+        let none = pipeline.render(&of(1.into(), Some("block=7"))).unwrap();
+        assert!(none.planes.color.pixels.iter().all(|p| *p == [0.0; 4]));
+        for (regions, problem) in [("T=1", "has values of vertices"), ("nothing=1", "there is no field 'nothing'")] {
+            let error = pipeline.render(&of(1.into(), Some(regions))).unwrap_err().to_string();
+            assert!(error.contains(problem), "{error}");
+        }
+    }
+}
+
+#[test]
+fn isosurfaces_of_a_field_of_cells_are_refused_with_the_remedy() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut pipeline = Pipeline::open(&blocks(dir.path()), Some(&selector("q"))).unwrap();
+    let camera = Camera::default_for(pipeline.mesh().positions.world_bounds()).unwrap();
+    let table = std::sync::Arc::new(NodeTable::transparent());
+    let request = FrameRequest::new(0, camera, table, (8, 8))
+        .with_tets(|tets| tets.surfaces = vec![tetreel::render::surfaces::Isosurface::new(0.1)]);
+    let error = pipeline.render(&FrameRequest { backend: Backend::Cpu, ..request }).unwrap_err().to_string();
+    assert!(error.contains("'q'") && error.contains("--cells-to-points"), "{error}");
 }
