@@ -9,7 +9,8 @@
 //! | 0a | [`error`], [`random`], [`short`], [`slowdown`], [`words`] |
 //! | 0b | [`files`], [`task`] |
 //! | 1a | [`mesh`], [`moments`], [`camera`], [`image`], [`stats`], [`node_table`], [`timeline`] |
-//! | 1b | [`field`], [`histograms`] |
+//! | 1b | [`field`] |
+//! | 1c | [`histograms`] |
 //! | 2 | [`transfer`], [`optics`] |
 //! | 3 | [`codec`], [`visibility`] |
 //! | 3b | [`lod`] |
