@@ -2,7 +2,7 @@
 
 use super::plan::{Means, PlannedField};
 use crate::field::Association;
-use crate::mesh::{Mesh, Positions, SourceCells};
+use crate::mesh::{CellsAround, Mesh, Positions, SourceCells};
 use rayon::prelude::*;
 
 /// Values per parallel task.
@@ -13,17 +13,8 @@ pub(super) struct ValueOrder {
     vertex_source: Vec<u32>,
     /// The source's cells, in the order of the store.
     cell_source: Vec<u32>,
-    around: Option<CellsAround>,
-}
-
-/// The source's cells around each vertex, for those that are in the mesh.
-struct CellsAround {
-    /// First index into `cells` of each vertex, and the end of the last.
-    starts: Vec<usize>,
-    /// Cell indices in the source, ascending along the mesh's cell order.
-    cells: Vec<u32>,
-    /// Volume of each cell of the source, as far as it is in the mesh.
-    volumes: Vec<f64>,
+    /// For fields that are averaged: the cells around each vertex, and the source of each cell of the mesh.
+    around: Option<(CellsAround, Vec<u32>)>,
 }
 
 impl ValueOrder {
@@ -32,6 +23,7 @@ impl ValueOrder {
         let around = fields.iter().any(|field| field.means.is_some()).then(|| CellsAround::of(&mesh));
         let parts = SourceCells::of(&mesh.cell_source);
         let cell_source = parts.firsts().map(|cell| mesh.cell_source[cell as usize]).collect();
+        let around = around.map(|around| (around, mesh.cell_source));
         (Self { vertex_source: mesh.vertex_source, cell_source, around }, mesh.positions)
     }
 
@@ -64,78 +56,18 @@ impl ValueOrder {
     /// # Panics
     /// If the order was made for fields that have no means.
     pub(super) fn average_cells(&self, values: &[f32], means: Means, out: &mut [f32]) {
-        let Some(around) = &self.around else { panic!("the order was made without means") };
-        out.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, out)| {
-            let first = chunk * CHUNK;
-            for (i, out) in out.iter_mut().enumerate() {
-                let cells = &around.cells[around.starts[first + i]..around.starts[first + i + 1]];
-                let value = |&cell: &u32| f64::from(values[cell as usize]);
-                let volume = |&cell: &u32| around.volumes[cell as usize];
-                let mean = match means {
-                    Means::Unweighted => cells.iter().map(value).sum::<f64>() / cells.len() as f64,
-                    Means::ByVolume => {
-                        let weighted = cells.iter().map(|cell| volume(cell) * value(cell)).sum::<f64>();
-                        weighted / cells.iter().map(volume).sum::<f64>()
-                    }
-                };
-                *out = mean as f32;
-            }
-        });
+        let Some((around, cell_source)) = &self.around else { panic!("the order was made without means") };
+        let value = |cell: u32| values[cell_source[cell as usize] as usize];
+        match means {
+            Means::Unweighted => around.means(value, |_, _| 1.0, out),
+            Means::ByVolume => around.means(value, |_, volume| volume, out),
+        }
     }
 }
 
 fn gather(sources: &[u32], values: &[f32], out: &mut [f32]) {
     let pairs = out.par_chunks_mut(CHUNK).zip(sources.par_chunks(CHUNK));
     pairs.for_each(|(out, source)| out.iter_mut().zip(source).for_each(|(out, &s)| *out = values[s as usize]));
-}
-
-impl CellsAround {
-    /// Counting sort of the corners by vertex.
-    fn of(mesh: &Mesh) -> Self {
-        let tets = &mesh.topology.tets;
-        let mut starts = vec![0usize; mesh.vertex_source.len() + 1];
-        for &vertex in tets.as_flattened() {
-            starts[vertex as usize + 1] += 1;
-        }
-        for i in 1..starts.len() {
-            starts[i] += starts[i - 1];
-        }
-        let mut next = starts.clone();
-        let mut cells = vec![0u32; 4 * tets.len()];
-        for (tet, &source) in tets.iter().zip(&mesh.cell_source) {
-            for &vertex in tet {
-                cells[next[vertex as usize]] = source;
-                next[vertex as usize] += 1;
-            }
-        }
-        let mut volumes = vec![0.0; mesh.cell_source.iter().max().map_or(0, |&most| most as usize + 1)];
-        for (tet, &source) in (0..).zip(&mesh.cell_source) {
-            volumes[source as usize] += mesh.cell_volume(tet);
-        }
-        let mut around = Self { starts, cells, volumes };
-        if !SourceCells::of(&mesh.cell_source).are_whole() {
-            around.drop_repeats();
-        }
-        around
-    }
-
-    /// Leaves each source cell once at a vertex, whichever number of its tetrahedra meet there.
-    fn drop_repeats(&mut self) {
-        let Self { starts, cells, .. } = self;
-        let (mut begin, mut kept) = (0, 0);
-        for start in starts.iter_mut().skip(1) {
-            let first = kept;
-            for i in begin..*start {
-                let cell = cells[i];
-                if !cells[first..kept].contains(&cell) {
-                    cells[kept] = cell;
-                    kept += 1;
-                }
-            }
-            (begin, *start) = (*start, kept);
-        }
-        cells.truncate(kept);
-    }
 }
 
 #[cfg(test)]

@@ -33,7 +33,7 @@ pub(super) fn check(source: &dyn SeriesSource, raw: RawMesh, store: &Store, mesh
             return Err(differs(format!("point {index} is {found} instead of at {}", at(&expected))));
         }
     }
-    let split = split(raw.cells);
+    let split = split(raw.cells, &raw.points);
     for (tet, &index) in mesh.topology.tets.iter().zip(&mesh.cell_source) {
         let [a, b, c, d] = tet.map(|v| mesh.vertex_source[v as usize]);
         let found = split.of_cell(index);

@@ -59,7 +59,8 @@ impl Mesh {
     /// further away than f64 can scale, or no cell remains.
     pub fn build(raw: RawMesh) -> Result<(Mesh, RepairReport), MeshError> {
         let RawMesh { points, cells } = raw;
-        Self::build_split(points, split(cells))
+        let cells = split(cells, &points);
+        Self::build_split(points, cells)
     }
 
     /// [`Self::build`] of split cells.
@@ -79,19 +80,23 @@ impl Mesh {
         let orientations = repair::orient_cells(&mut tets, &raw_positions);
         let count = |kind| orientations.par_iter().filter(|&&orientation| orientation == kind).count() as u64;
         report.flipped = count(Orientation::Negative);
-        report.zero_volume = count(Orientation::Flat);
-        if report.zero_volume == tets.len() as u64 {
+        let flat_tets = count(Orientation::Flat);
+        report.zero_volume = flat_tets;
+        if flat_tets == tets.len() as u64 {
             return Err(MeshError::AllFlat(tets.len()));
         }
         let tets_in = tets.len() as u64;
         for cell in split.groups() {
-            let turned =
-                orientations[cell.clone()].iter().filter(|&&kind| kind == Orientation::Negative).count() as u64;
-            let straight = orientations[cell].contains(&Orientation::Positive);
-            report.split_cells += 1;
-            report.warped_cells += u64::from(turned > 0 && straight);
+            let of_kind = |kind| orientations[cell.clone()].iter().filter(|&&other| other == kind).count() as u64;
+            let [turned, straight, flat] =
+                [Orientation::Negative, Orientation::Positive, Orientation::Flat].map(of_kind);
+            report.split_cells += u64::from(turned + straight > 0);
+            report.warped_cells += u64::from(turned > 0 && straight > 0);
+            report.gapped_cells += u64::from(flat > 0 && turned + straight > 0);
             // A cell that is turned as a whole is numbered the other way round.
             report.flipped -= turned;
+            // A cell without a volume is one, whatever its parts.
+            report.zero_volume -= if turned + straight > 0 { flat } else { flat - 1 };
         }
 
         let vertex_order = order_vertices(&tets, &orientations, &raw_positions.local);
@@ -105,7 +110,7 @@ impl Mesh {
         let cell_turned = cell_order.par_iter().map(is_turned).collect();
         drop(orientations);
         report.cells_out = cell_order.len() as u64;
-        report.duplicate_cells = tets_in - report.zero_volume - report.cells_out;
+        report.duplicate_cells = tets_in - flat_tets - report.cells_out;
 
         let tets = renumber(tets, &cell_order, &vertex_order, raw_positions.local.len());
         let mut cell_source = sources(cell_order);
@@ -123,7 +128,7 @@ impl Mesh {
         report.boundary_faces = topology.boundary_faces().count() as u64;
         report.parts = topology.count_parts();
         report.worst_cells = worst_cells(&topology.tets, &positions.local, &cell_source);
-        Ok((Mesh { topology, positions, vertex_source, cell_source, cell_turned, split_cells }, report))
+        Ok((Mesh::of_parts(topology, positions, [vertex_source, cell_source], cell_turned, split_cells), report))
     }
 }
 

@@ -1,6 +1,7 @@
 //! Tetrahedral meshes. Connectivity ([`Topology`]) is apart from coordinates ([`Positions`]), because it stays the same when vertices move.
 
 mod build;
+mod cells_around;
 mod check;
 pub mod contour;
 mod curve;
@@ -10,6 +11,7 @@ mod geometry;
 mod gradient;
 #[cfg(test)]
 mod gradient_tests;
+mod hanging;
 mod locate;
 mod plane;
 pub mod polyhedron;
@@ -24,6 +26,7 @@ pub(crate) mod test_meshes;
 mod tests;
 mod topology;
 
+pub use cells_around::CellsAround;
 pub use error::MeshError;
 pub use geometry::{tet_aspect_ratio, tet_volume};
 pub use gradient::{tet_gradient, tet_gradient_magnitude};
@@ -35,6 +38,7 @@ pub use split::{Cells, POLYHEDRON_VTK_TYPE, Solid, SolidShape, Solids, Split, Sp
 pub use topology::{CellNeighbour, FACE_VERTICES, NONE, Topology};
 
 use glam::DVec3;
+use std::sync::OnceLock;
 
 /// A mesh as a file holds it: any vertex order, any winding, possibly with defects. [`Mesh::build`] makes a [`Mesh`] of it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -60,4 +64,20 @@ pub struct Mesh {
     pub cell_turned: Vec<bool>,
     /// The cells of the [`RawMesh`] of which several cells were made.
     pub split_cells: SplitCells,
+    /// Made when values of cells are first brought to the vertices.
+    cells_around: OnceLock<CellsAround>,
+}
+
+impl Mesh {
+    /// A mesh of parts that fit: what [`Self::build`] makes, and a store has.
+    pub(crate) fn of_parts(
+        topology: Topology,
+        positions: Positions,
+        [vertex_source, cell_source]: [Vec<u32>; 2],
+        cell_turned: Vec<bool>,
+        split_cells: SplitCells,
+    ) -> Self {
+        let cells_around = OnceLock::new();
+        Self { topology, positions, vertex_source, cell_source, cell_turned, split_cells, cells_around }
+    }
 }

@@ -16,6 +16,9 @@ pub struct RepairReport {
     /// Split cells some tetrahedra of which overlap others, as their faces are warped.
     #[serde(skip_serializing_if = "is_zero")]
     pub warped_cells: u64,
+    /// Split cells some tetrahedra of which have no volume and are dropped: what these would have closed is left open.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub gapped_cells: u64,
     /// Cells in the mesh.
     pub cells_out: u64,
     /// Tetrahedra of the source of negative orientation, two vertices of which were swapped.
@@ -47,7 +50,7 @@ pub struct RepairReport {
 /// A tetrahedron far from a regular one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct WorstCell {
-    /// The cell of the source that it is, or is a part of.
+    /// The cell of the [`RawMesh`](super::RawMesh) that it is, or is a part of; in the report of an import its number in the files.
     pub source: u32,
     /// Its aspect ratio ([`tet_aspect_ratio`](super::tet_aspect_ratio)).
     pub aspect_ratio: f64,
@@ -66,6 +69,12 @@ fn is_zero(count: &u64) -> bool {
 }
 
 impl RepairReport {
+    /// The report with other numbers of cells.
+    pub fn with_cell_numbers(mut self, number: impl Fn(u32) -> u32) -> Self {
+        self.worst_cells.iter_mut().for_each(|worst| worst.source = number(worst.source));
+        self
+    }
+
     /// Whether the source needed no repair and has no defects.
     pub fn is_clean(&self) -> bool {
         self.findings().all(|(count, _)| count == 0)
@@ -75,6 +84,10 @@ impl RepairReport {
     fn findings(&self) -> impl Iterator<Item = (u64, &'static str)> {
         [
             (self.warped_cells, "cells so warped that tetrahedra of theirs overlap kept"),
+            (
+                self.gapped_cells,
+                "split cells without the flat ones of their tetrahedra, which may leave inner faces open",
+            ),
             (self.flipped, "cells of negative orientation turned round"),
             (self.zero_volume, "cells without volume dropped"),
             (self.duplicate_cells, "cells with the vertices of an earlier one dropped"),

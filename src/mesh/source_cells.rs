@@ -1,6 +1,6 @@
-//! Cells of a mesh that are parts of one cell of its source, and values of cells at vertices.
+//! Cells of a mesh that are parts of one cell of its source.
 
-use super::{Mesh, NONE};
+use super::NONE;
 
 /// The cells of a mesh's source, in the order of the mesh: each is numbered where the mesh has its first part.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -17,6 +17,14 @@ impl SourceCells {
     pub fn of(cell_source: &[u32]) -> Self {
         let cells = cell_source.len();
         let sources = cell_source.iter().max().map_or(0, |&most| most as usize + 1);
+        // Memory is for cells that there are, not for numbers that a file claims.
+        if sources / 64 > cells {
+            let mut sorted = cell_source.to_vec();
+            sorted.sort_unstable();
+            sorted.dedup();
+            let rank = |source: &u32| sorted.partition_point(|other| other < source) as u32;
+            return Self::of(&cell_source.iter().map(rank).collect::<Vec<_>>());
+        }
         // Most meshes have whole cells only, which is known from a byte for each.
         let mut is_met = vec![false; sources];
         if !cell_source.iter().any(|&source| std::mem::replace(&mut is_met[source as usize], true)) {
@@ -75,31 +83,9 @@ impl SourceCells {
     }
 }
 
-impl Mesh {
-    /// Values of cells brought to the vertices: the mean of the finite ones around each, weighted by the volumes of the cells, summed in
-    /// f64; NaN where there is none.
-    ///
-    /// # Panics
-    /// If there is not one value per cell.
-    pub fn means_at_vertices(&self, values: &[f32]) -> Vec<f32> {
-        assert_eq!(values.len(), self.topology.tets.len(), "one value a cell");
-        let mut sums = vec![[0.0f64; 2]; self.positions.local.len()];
-        for ((cell, tet), &value) in (0..).zip(&self.topology.tets).zip(values).filter(|(_, value)| value.is_finite()) {
-            let volume = self.cell_volume(cell);
-            for &vertex in tet {
-                let [weighted, weights] = &mut sums[vertex as usize];
-                *weighted += volume * f64::from(value);
-                *weights += volume;
-            }
-        }
-        sums.iter().map(|[weighted, weights]| (weighted / weights) as f32).collect()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::test_meshes::kuhn_grid;
 
     #[test]
     fn cells_of_the_source_are_numbered_by_their_first_part_and_give_it_their_value() {
@@ -114,21 +100,8 @@ mod tests {
         whole.expand(&[1.0, 2.0, 3.0], &mut out[..3]);
         assert_eq!(out[..3], [1.0, 2.0, 3.0]);
         assert!(SourceCells::of(&[]).is_empty());
-    }
-
-    #[test]
-    fn means_at_vertices_are_those_of_the_finite_cells_around_weighted_by_volume() {
-        let (mesh, _) = Mesh::build(kuhn_grid([2, 1, 1])).unwrap();
-        let mut values: Vec<f32> = (0..mesh.topology.tets.len()).map(|cell| cell as f32).collect();
-        values[3] = f32::INFINITY;
-        let found = mesh.means_at_vertices(&values);
-        for (vertex, &found) in (0..).zip(&found) {
-            // All cells have one volume.
-            let around = (0..values.len()).filter(|&c| c != 3 && mesh.topology.tets[c].contains(&vertex));
-            let around: Vec<f64> = around.map(|c| f64::from(values[c])).collect();
-            let expected = around.iter().sum::<f64>() / around.len() as f64;
-            assert!((f64::from(found) - expected).abs() < 1e-5, "{vertex}: {found}");
-        }
-        assert!(mesh.means_at_vertices(&vec![f32::NAN; values.len()]).iter().all(|mean| mean.is_nan()));
+        // Numbers far beyond the cells take no memory of their own.
+        let far = SourceCells::of(&[u32::MAX, 5, u32::MAX]);
+        assert_eq!((far.len(), far.firsts().collect::<Vec<_>>()), (2, vec![0, 1]));
     }
 }

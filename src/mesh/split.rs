@@ -5,13 +5,16 @@
 //! by its corners alone: two cells that share it cut it alike, whatever their shapes (the rule of least numbers of Dompierre, Labbe,
 //! Vallet and Camarero, "How to subdivide pyramids, prisms, and hexahedra into tetrahedra", 8th International Meshing Roundtable 1999; pulling
 //! cuts a hexahedron into six tetrahedra, never five, and needs no table). The tetrahedra fill a convex cell with plane faces. Cells
-//! with a corner named twice are cut as what is left of them. Polyhedra with any faces are cut in the same way.
+//! with a corner named twice are cut as what is left of them. Polyhedra with any faces are cut in the same way; their hanging nodes count
+//! as lower than all other corners (`hanging.rs`).
 //!
 //! Faces that are not plane are two triangles. A cell that they warp so far that a corner does not see all of its faces has tetrahedra
 //! that overlap: [`Mesh::build`](super::Mesh::build) counts it.
 
-use super::NONE;
 use super::polyhedron::Polyhedron;
+use super::{NONE, hanging};
+use glam::DVec3;
+use std::collections::HashSet;
 use std::ops::Range;
 
 /// A shape of cells that is split, with the corners as VTK numbers them.
@@ -152,12 +155,19 @@ impl Solids {
     pub fn push_polyhedron<'a>(&mut self, faces: impl ExactSizeIterator<Item = &'a [u32]>) {
         let [first_vertex, first_word] = [self.vertices.len(), self.faces.len()];
         self.faces.push(faces.len() as u32);
+        let mut many = HashSet::new();
         for face in faces {
             self.faces.push(face.len() as u32);
             self.faces.extend(face);
+            // A list is faster than a set while it is short.
             for &vertex in face {
-                if !self.vertices[first_vertex..].contains(&vertex) {
+                let known = &self.vertices[first_vertex..];
+                let is_new = if known.len() < 64 { !known.contains(&vertex) } else { many.insert(vertex) };
+                if is_new {
                     self.vertices.push(vertex);
+                }
+                if self.vertices.len() - first_vertex == 64 && many.is_empty() {
+                    many.extend(&self.vertices[first_vertex..]);
                 }
             }
         }
@@ -247,7 +257,7 @@ pub struct Split {
     pub tets: Vec<[u32; 4]>,
     /// Cell of each tetrahedron, ascending; `None` if tetrahedron i is cell i.
     pub cell_of_tet: Option<Vec<u32>>,
-    /// The cells that were split: the last ones.
+    /// The cells that were split: the last ones, each with one tetrahedron at least.
     pub solids: Solids,
 }
 
@@ -266,15 +276,15 @@ impl Split {
         self.cell_of_tet.as_ref().map_or(self.tets.len(), |cells| cells.last().map_or(0, |&last| last as usize + 1))
     }
 
-    /// The ranges of tetrahedra of the cells that have more than one.
+    /// The ranges of tetrahedra of the cells that were split, or are of several.
     pub(super) fn groups(&self) -> impl Iterator<Item = Range<usize>> {
-        let mut next = 0;
+        let (mut next, first_solid) = (0, self.cell_count() - self.solids.len());
         let groups = self.cell_of_tet.iter().flat_map(|cells| cells.chunk_by(|a, b| a == b));
-        let ranges = groups.map(move |group| {
+        let ranges = groups.enumerate().map(move |(cell, group)| {
             next += group.len();
-            next - group.len()..next
+            (cell, next - group.len()..next)
         });
-        ranges.filter(|range| range.len() > 1)
+        ranges.filter(move |(cell, range)| *cell >= first_solid || range.len() > 1).map(|(_, range)| range)
     }
 
     /// The split cells of a mesh whose cells are of these source cells, and whose vertices are of these points.
@@ -310,16 +320,18 @@ impl Split {
     }
 }
 
-/// Splits cells into tetrahedra; a tetrahedron stays as it is.
-pub fn split(cells: Cells) -> Split {
+/// Splits cells into tetrahedra; a tetrahedron stays as it is. `points` are those of the cells.
+pub fn split(cells: Cells, points: &[DVec3]) -> Split {
     let Cells { mut tets, solids } = cells;
     if solids.is_empty() {
         return Split { tets, cell_of_tet: None, solids };
     }
+    let ranks = hanging::ranks(&solids, points);
+    let order = |vertex: u32| (ranks.get(vertex as usize).copied().unwrap_or_default(), vertex);
     let mut cell_of_tet: Vec<u32> = (0..tets.len() as u32).collect();
     let first = cell_of_tet.len() as u32;
     for (cell, solid) in (first..).zip(solids.iter()) {
-        pull(solid, &mut tets);
+        pull(solid, order, &mut tets);
         if tets.len() == cell_of_tet.len() {
             // A cell without a volume, which is counted as such.
             tets.push([solid.vertices().first().copied().unwrap_or_default(); 4]);
@@ -330,32 +342,38 @@ pub fn split(cells: Cells) -> Split {
 }
 
 /// Adds the tetrahedra of a cell, those without a vertex named twice.
-fn pull(solid: Solid<'_>, tets: &mut Vec<[u32; 4]>) {
-    let Some(&apex) = solid.vertices().iter().min() else { return };
+fn pull(solid: Solid<'_>, order: impl Fn(u32) -> (u8, u32), tets: &mut Vec<[u32; 4]>) {
+    let Some(&apex) = solid.vertices().iter().min_by_key(|&&vertex| order(vertex)) else { return };
     match solid {
         Solid::Shape(shape, corners) => {
             for face in shape.faces() {
-                pull_face(apex, face.len(), |i| corners[face[i]], tets);
+                pull_face(apex, face.len(), |i| corners[face[i]], &order, tets);
             }
         }
         Solid::Polyhedron(polyhedron) => {
             for face in polyhedron.faces() {
-                pull_face(apex, face.len(), |i| face[i], tets);
+                pull_face(apex, face.len(), |i| face[i], &order, tets);
             }
         }
     }
 }
 
-/// Adds the tetrahedra between the apex and a face of this many corners, cut into triangles from its corner of least number.
+/// Adds the tetrahedra between the apex and a face of this many corners, cut into triangles from its first corner by `order`.
 #[inline(always)]
-fn pull_face(apex: u32, count: usize, corner: impl Fn(usize) -> u32, tets: &mut Vec<[u32; 4]>) {
+fn pull_face(
+    apex: u32,
+    count: usize,
+    corner: impl Fn(usize) -> u32,
+    order: impl Fn(u32) -> (u8, u32),
+    tets: &mut Vec<[u32; 4]>,
+) {
     let vertex = |i: usize| corner(i % count);
-    let Some(least) = (0..count).min_by_key(|&i| vertex(i)) else { return };
-    if vertex(least) == apex {
+    let Some(first) = (0..count).min_by_key(|&i| order(vertex(i))) else { return };
+    if vertex(first) == apex {
         return;
     }
-    for i in least + 1..least + count - 1 {
-        let tet = [vertex(least), vertex(i + 1), vertex(i), apex];
+    for i in first + 1..first + count - 1 {
+        let tet = [vertex(first), vertex(i + 1), vertex(i), apex];
         if tet[0] != tet[1] && tet[0] != tet[2] && tet[1] != tet[2] {
             tets.push(tet);
         }
@@ -390,7 +408,7 @@ mod tests {
         let tets = vec![[0, 1, 2, 3], [1, 2, 3, 4]];
         let cells = Cells::from(tets.clone());
         assert_eq!((cells.len(), cells.is_empty(), Cells::default().is_empty()), (2, false, true));
-        let split = split(cells);
+        let split = split(cells, &[]);
         assert_eq!(split, Split { tets: tets.clone(), cell_of_tet: None, solids: Solids::default() });
         assert_eq!((split.of_cell(1), split.of_cell(2)), (&tets[1..], &[][..]));
     }

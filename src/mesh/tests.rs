@@ -488,7 +488,7 @@ fn cells_of_a_mesh_are_numbered_as_the_cells_that_they_are_a_part_of() {
     let split = super::Split {
         tets: cube.cells.tets.clone(),
         cell_of_tet: Some(cell_of_tet),
-        ..super::split(Vec::new().into())
+        ..super::split(Vec::new().into(), &[])
     };
     let (mesh, report) = Mesh::build_split(cube.points.clone(), split).unwrap();
     let (alone, of_alone) = Mesh::build(cube).unwrap();

@@ -126,7 +126,7 @@ impl StoredMesh {
         let cell_source = read_permutation(root, source, "cell_permutation", self.cells)?;
         let cell_turned = self.read_turned(root, source)?;
         let split_cells = split_cells::read(root, source, self.vertices)?;
-        Ok(Mesh { topology, positions, vertex_source, cell_source, cell_turned, split_cells })
+        Ok(Mesh::of_parts(topology, positions, [vertex_source, cell_source], cell_turned, split_cells))
     }
 
     /// Number of values that fields of vertices, or of cells, have in a step.

@@ -40,7 +40,7 @@ impl FadedSeries {
         if steps == 0 || steps > MAX_STEPS {
             return Err(SynthError::Steps(steps));
         }
-        let mesh = RawMesh { cells: mesh::split(mesh.cells).tets.into(), ..mesh };
+        let mesh = RawMesh { cells: mesh::split(mesh.cells, &mesh.points).tets.into(), ..mesh };
         let cells =
             8_u64.checked_pow(splits).and_then(|n| n.checked_mul(mesh.cells.tets.len() as u64)).unwrap_or(u64::MAX);
         if cells > MAX_CELLS {

@@ -1,16 +1,21 @@
 //! Cells of all shapes, split into tetrahedra.
 
 use super::series::{Grid, write_series};
+use crate::render::assert_within;
 use glam::DVec3;
 use std::collections::HashMap;
 use std::fs;
+use std::sync::Arc;
 use tempfile::TempDir;
+use tetreel::camera::{Camera, Projection};
 use tetreel::export::StoredSeries;
 use tetreel::export::vtu::{VtuOptions, write_collection};
 use tetreel::field::{Component, SeriesSource};
 use tetreel::import;
 use tetreel::ingest::{IngestOptions, ingest};
 use tetreel::mesh::{Mesh, RepairReport, tet_volume};
+use tetreel::node_table::{Node, NodeTable};
+use tetreel::pipeline::{Backend, FrameRequest, Pipeline, TetDraw};
 use tetreel::store::Store;
 use tetreel::task::{Cancel, Silent};
 
@@ -22,7 +27,7 @@ fn area(polygon: &[[f64; 2]]) -> f64 {
 
 /// A cube, a voxel beside it, a wedge on the cube, a pyramid on the voxel and a tetrahedron beside that, all of which share faces; prisms
 /// of five and six sides apart from them; and their volume. Points are dyadic fractions, so that rounding them to f32 is exact.
-fn block() -> (Grid, f64) {
+pub fn block() -> (Grid, f64) {
     let mut points: Vec<[f64; 3]> =
         (0..12).map(|i| [f64::from(i % 3), f64::from(i / 3 % 2), f64::from(i / 6)]).collect();
     points.extend([[0.5, 0.0, 2.0], [0.5, 1.0, 2.0], [1.5, 0.5, 2.0], [1.0, 0.5, 2.5]]);
@@ -286,7 +291,7 @@ fn damaged_lists_of_split_cells_are_named() {
 }
 
 /// The grid with its hexahedron, wedge, prisms and tetrahedron as polyhedra, whose faces look this way or that.
-fn as_polyhedra(grid: &Grid) -> Grid {
+pub fn as_polyhedra(grid: &Grid) -> Grid {
     let mut out = grid.clone();
     for (cell, (kind, v)) in grid.cells.iter().enumerate() {
         let prism = |n: usize| {
@@ -351,8 +356,35 @@ fn polyhedra_come_back_from_a_store_and_from_its_export() {
 }
 
 #[test]
-fn polyhedra_that_do_not_close_are_named_by_file_and_cell() {
+fn polyhedra_that_do_not_close_are_left_out_and_named_by_file_and_cell() {
     let grid = as_polyhedra(&block().0);
+    let of = |change: &dyn Fn(&mut Grid)| {
+        let mut grid = grid.clone();
+        change(&mut grid);
+        open(&grid)
+    };
+    for (change, expected) in [
+        (&(|g: &mut Grid| _ = g.faces[0].1.pop()) as &dyn Fn(&mut Grid), "belongs to 1 of them"),
+        (&|g| g.faces[0].1[1][2] = g.faces[0].1[1][0], "twice"),
+    ] {
+        let (_folder, source) = of(change);
+        let notes = source.notes().join("; ");
+        assert!(notes.contains("left out 1 polyhedra") && notes.contains("cell 0 of ") && notes.contains("a.vtu"));
+        assert!(notes.contains(expected), "{notes}");
+        let mut whole = grid.clone();
+        whole.cells.remove(0);
+        whole.cell_arrays[0].2.remove(0);
+        whole.faces.remove(0);
+        whole.faces.iter_mut().for_each(|(cell, _)| *cell -= 1);
+        let (_other, rest) = open(&whole);
+        assert_eq!(source.mesh().expect("a mesh").cells, rest.mesh().expect("a mesh").cells);
+        let of_cells = |source: &dyn SeriesSource| {
+            let mut values = Vec::new();
+            source.read(&source.fields()[1], Component::Index(0), 0, &mut values).expect("values");
+            values
+        };
+        assert_eq!(of_cells(source.as_ref()), of_cells(rest.as_ref()));
+    }
     let error_of = |change: &dyn Fn(&mut Grid)| {
         let mut grid = grid.clone();
         change(&mut grid);
@@ -363,9 +395,7 @@ fn polyhedra_that_do_not_close_are_named_by_file_and_cell() {
         assert!(error.contains("a.vtu") && error.contains("cell 0"), "{error}");
         error
     };
-    assert!(error_of(&|g| _ = g.faces[0].1.pop()).contains("belongs to 1 of them"));
     assert!(error_of(&|g| g.faces[0].1[1][2] = 99).contains("has vertex 99"));
-    assert!(error_of(&|g| g.faces[0].1[1][2] = g.faces[0].1[1][0]).contains("twice"));
     assert!(error_of(&|g| _ = g.faces.remove(0)).contains("without faces"));
     for (from, to) in [("\"faces\"", "\"mist\""), ("\"faceoffsets\"", "\"mist\"")] {
         let folder = tempfile::tempdir().expect("a folder");
@@ -373,5 +403,131 @@ fn polyhedra_that_do_not_close_are_named_by_file_and_cell() {
         fs::write(&path, grid.text().replace(from, to)).expect("a file");
         let error = import::open(&path).err().expect("is refused").to_string();
         assert!(error.contains("lacks the array") && error.contains(from.trim_matches('"')), "{error}");
+    }
+}
+
+/// The block of all shapes, some of them curved or polyhedra, with what is wrong in real files: a cell without a volume, a tetrahedron
+/// turned inside out, a crack, a point of no cell, a part far away, and values that are no numbers, huge or denormal.
+fn dirty() -> Grid {
+    let (mut grid, _) = block();
+    let faces = as_polyhedra(&grid).faces.into_iter().filter(|(cell, _)| [0, 5].contains(cell)).collect();
+    [0, 5].iter().for_each(|&cell: &usize| grid.cells[cell].0 = 42);
+    grid.faces = faces;
+    grid.cells[2].0 = 26;
+    grid.cells[2].1.extend([0; 9]);
+    // A hexahedron over the crack: its lower points lie where those of the block do, and are others.
+    let first = grid.points.len();
+    grid.points.extend([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]]);
+    grid.points.extend([[0.0, 0.0, -1.0], [1.0, 0.0, -1.0], [1.0, 1.0, -1.0], [0.0, 1.0, -1.0]]);
+    grid.cells.push((12, [4, 5, 6, 7, 0, 1, 2, 3].map(|i| first + i).to_vec()));
+    // A quadratic tetrahedron turned inside out, far away, and a point of no cell.
+    let far = grid.points.len();
+    grid.points.extend([[1e4, 0.0, 0.0], [1e4 + 8.0, 0.0, 0.0], [1e4, 8.0, 0.0], [1e4, 0.0, 8.0], [-5.0, -5.0, -5.0]]);
+    grid.cells.push((24, [vec![far + 1, far, far + 2, far + 3], vec![0; 6]].concat()));
+    grid.cells.push((12, vec![0, 0, 0, 0, 1, 1, 1, 1]));
+    let odd = [f64::NAN, f64::INFINITY, 1e38, 1e-40, -0.0];
+    let value = |i: usize| match i % 9 {
+        3 => odd[i / 9 % odd.len()],
+        _ => (0.7 * i as f64).sin(),
+    };
+    grid.point_arrays = vec![("T", 1, (0..grid.points.len()).map(value).collect())];
+    grid.cell_arrays = vec![("c", 1, (0..grid.cells.len()).map(|i| value(9 * (i / 2) + 3 * (i % 2))).collect())];
+    grid
+}
+
+#[test]
+fn a_dirty_mesh_of_all_shapes_has_the_right_report_and_is_drawn_as_the_judge_draws_it() {
+    let grid = dirty();
+    let (_, report) = build(&grid);
+    assert_eq!((report.cells_in, report.split_cells, report.zero_volume), (10, 7, 1));
+    assert_eq!((report.flipped, report.warped_cells, report.non_manifold_faces), (1, 0, 0));
+    assert_eq!((report.coincident_points, report.unreferenced_vertices, report.parts), (4, 1, 5));
+    let folder = tempfile::tempdir().expect("a folder");
+    let store = stored(&grid, &folder);
+    let node = |scalar, rgb, tau| Node { scalar, rgb, tau };
+    let nodes =
+        vec![node(-1.0, [0.2, 0.4, 1.0], 0.3), node(0.0, [0.9, 0.8, 0.2], 0.1), node(1.0, [1.0, 0.2, 0.1], 1.5)];
+    let table = Arc::new(NodeTable::new(nodes).expect("nodes"));
+    let at = |position: DVec3, focal_point: DVec3, projection| Camera {
+        position,
+        focal_point,
+        view_up: DVec3::Z,
+        projection,
+        near: 0.0,
+    };
+    let perspective = Projection::Perspective { view_angle: 40.0 };
+    let cameras = [
+        at(DVec3::new(9.0, -12.0, 6.0), DVec3::new(5.0, 0.5, 0.5), perspective),
+        at(DVec3::new(5.0, -9.0, 3.0), DVec3::new(5.0, 0.5, 0.5), Projection::Parallel { scale: 7.0 }),
+        at(DVec3::new(0.4, 0.3, 0.6), DVec3::new(4.0, 0.7, 0.5), Projection::Perspective { view_angle: 80.0 }),
+    ];
+    for name in ["T", "c"] {
+        let mut pipeline = Pipeline::open(&store, Some(&name.parse().expect("a name"))).expect("a series");
+        let mut seen = 0;
+        for camera in cameras {
+            let request = FrameRequest::new(0, camera, table.clone(), (48, 36));
+            let request = FrameRequest { backend: Backend::Cpu, ..request };
+            let mut draw =
+                |draw| pipeline.render(&request.clone().with_draw(draw)).expect("a frame").planes.color.clone();
+            let judge = draw(TetDraw::Reference);
+            for found in [draw(TetDraw::Raycast), draw(TetDraw::ALL_FACES)] {
+                assert_within(name, &found, &judge);
+            }
+            seen += judge.pixels.iter().filter(|p| p[3] > 0.05).count();
+        }
+        assert!(seen > 300, "{name}: {seen} pixels");
+    }
+}
+
+/// A cube that is a polyhedron, one side of which is refined: four quadrilaterals, the midpoints of whose outer edges lie in the pentagons
+/// around; and the four cubes beside it.
+fn refined() -> Grid {
+    let mut points: Vec<[f64; 3]> = Vec::new();
+    let mut at = |p: [f64; 3]| {
+        points.iter().position(|q| *q == p).unwrap_or_else(|| {
+            points.push(p);
+            points.len() - 1
+        })
+    };
+    let mut quads = Vec::new();
+    let mut cells = Vec::new();
+    for (y, z) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+        let square = |x: f64| [[x, y, z], [x, y + 1.0, z], [x, y + 1.0, z + 1.0], [x, y, z + 1.0]];
+        quads.push(square(2.0).map(&mut at).to_vec());
+        cells.push((12, [square(2.0), square(3.0)].concat().into_iter().map(&mut at).collect()));
+    }
+    let mut face = |corners: &[[f64; 3]]| corners.iter().map(|&p| at(p)).collect::<Vec<usize>>();
+    let mut faces = vec![
+        face(&[[0.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 2.0, 2.0], [0.0, 0.0, 2.0]]),
+        face(&[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 1.0, 0.0], [2.0, 2.0, 0.0], [0.0, 2.0, 0.0]]),
+        face(&[[0.0, 0.0, 2.0], [2.0, 0.0, 2.0], [2.0, 1.0, 2.0], [2.0, 2.0, 2.0], [0.0, 2.0, 2.0]]),
+        face(&[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 0.0, 1.0], [2.0, 0.0, 2.0], [0.0, 0.0, 2.0]]),
+        face(&[[0.0, 2.0, 0.0], [2.0, 2.0, 0.0], [2.0, 2.0, 1.0], [2.0, 2.0, 2.0], [0.0, 2.0, 2.0]]),
+    ];
+    faces.extend(quads);
+    cells.push((42, (0..points.len()).collect()));
+    Grid {
+        point_arrays: vec![("T", 1, (0..points.len()).map(|i| i as f64).collect())],
+        cell_arrays: vec![("c", 1, (0..5).map(f64::from).collect())],
+        faces: vec![(4, faces)],
+        points,
+        cells,
+        ..Grid::default()
+    }
+}
+
+#[test]
+fn polyhedra_with_hanging_nodes_leave_no_face_open_however_points_are_numbered() {
+    for seed in 0..60 {
+        let mut grid = shuffled(&refined(), seed);
+        // The numbers of the faces' corners follow the points.
+        let original = refined();
+        let new = |old: usize| grid.points.iter().position(|p| *p == original.points[old]).expect("a point");
+        grid.faces = vec![(4, original.faces[0].1.iter().map(|face| face.iter().map(|&i| new(i)).collect()).collect())];
+        let (mesh, report) = build(&grid);
+        // The coarse cube: a side of 2 triangles and four pentagons of 3; each of the others: three sides of 2.
+        assert_eq!((report.boundary_faces, report.parts), (2 + 4 * 3 + 4 * 6, 1), "seed {seed}");
+        assert_eq!((report.zero_volume, report.gapped_cells, report.flipped, report.warped_cells), (0, 0, 0, 0));
+        assert!((volume_of(&mesh) - 12.0).abs() < 1e-12);
     }
 }
