@@ -5,10 +5,10 @@ use super::progress::Terminal;
 use super::{Outcome, print_result, steps};
 use crate::codec::vq::MAX_ENTRIES;
 use crate::codec::{CODECS, codec_of};
-use crate::field::{FieldInfo, FieldSelector, SeriesSource};
+use crate::field::{Association, FieldInfo, FieldSelector, SeriesSource};
 use crate::import::{self, Format};
 use crate::ingest::{CodecChoice, FieldUnits, IngestOptions, StepRange, check_fields, ingest};
-use crate::mesh::{Mesh, RepairReport};
+use crate::mesh::{Mesh, RepairReport, SourceCells};
 use anyhow::bail;
 use clap::builder::PossibleValuesParser;
 use serde::Serialize;
@@ -155,16 +155,22 @@ impl Plan {
         let steps = steps.select(series.times().len())?.len();
         let wanted = |f: &&FieldInfo| args.fields.is_empty() || args.fields.iter().any(|s| s.name == f.name);
         let fields: Vec<FieldInfo> = series.fields().iter().filter(wanted).cloned().collect();
-        let numbers: u64 = if args.fields.is_empty() {
-            fields.iter().map(|f| f.components as u64).sum()
+        let source_cells = SourceCells::of(&mesh.cell_source).len();
+        let values = |field: &FieldInfo| match field.association {
+            Association::Cell if !args.cells_to_points => source_cells,
+            _ => mesh.positions.local.len(),
+        };
+        let numbers: usize = if args.fields.is_empty() {
+            fields.iter().map(|f| f.components * values(f)).sum()
         } else {
             let of = |s: &FieldSelector| {
-                let components = fields.iter().find(|f| f.name == s.name).map_or(0, |f| f.components as u64);
-                if s.component.is_some() { 1 } else { components }
+                let of_name = fields.iter().filter(|f| f.name == s.name).take(1);
+                of_name.map(|f| values(f) * if s.component.is_some() { 1 } else { f.components }).sum::<usize>()
             };
             args.fields.iter().map(of).sum()
         };
-        let bytes = numbers * 4 * steps as u64 * mesh.positions.local.len() as u64;
+        let bytes = (numbers * size_of::<f32>() * steps) as u64;
+        let repair = repair.with_cell_numbers(|cell| series.cell_number(cell));
         Ok(Self { source: series.describe(), repair, steps, fields, bytes, notes: series.notes() })
     }
 }

@@ -117,6 +117,10 @@ pub trait SeriesSource: Sync {
     fn fields(&self) -> &[FieldInfo];
     /// The mesh, the same for all steps.
     fn mesh(&self) -> FileResult<RawMesh>;
+    /// The number of a cell of [`Self::mesh`] in the files, where other cells may come before it or be left out.
+    fn cell_number(&self, cell: u32) -> u32 {
+        cell
+    }
     /// Values of one component of `field` at `step`: one per point or per cell of [`SeriesSource::mesh`], as the field's
     /// association says, into `out` (cleared first, so that its memory is used again).
     ///

@@ -91,6 +91,10 @@ pub(super) struct GridReader {
     skipped: BTreeMap<u8, usize>,
     /// Number of skipped duplicates of another piece's cells.
     pub(super) ghosts: usize,
+    /// Number of polyhedra that are left out because their faces do not close.
+    open: usize,
+    /// The first of these, and what is wrong with it.
+    first_open: Option<String>,
 }
 
 impl GridReader {
@@ -166,12 +170,14 @@ impl GridReader {
         Ok(())
     }
 
-    /// Adds cell `cell` of the current piece, a polyhedron with these faces, as [`Self::push`].
+    /// Adds cell `cell` of the current piece, of this file, a polyhedron with these faces, as [`Self::push`]. One whose faces do not
+    /// close is left out, and counted.
     ///
     /// # Errors
-    /// If a vertex is no point, or the faces do not close.
+    /// If a vertex is no point.
     pub(super) fn push_polyhedron(
         &mut self,
+        path: &Path,
         cell: usize,
         faces: &[Vec<u64>],
         points: usize,
@@ -183,7 +189,11 @@ impl GridReader {
         // In range: the number of points of all pieces is.
         let numbered = |face: &Vec<u64>| face.iter().map(|&vertex| vertex as u32).collect();
         let mut faces: Vec<Vec<u32>> = faces.iter().map(numbered).collect();
-        close(&mut faces).map_err(|problem| problem.to_string())?;
+        if let Err(problem) = close(&mut faces) {
+            self.open += 1;
+            self.first_open.get_or_insert_with(|| format!("cell {cell} of {} {problem}", path.display()));
+            return Ok(());
+        }
         faces.iter_mut().flatten().for_each(|vertex| *vertex += first_point as u32);
         self.mesh.cells.solids.push_polyhedron(faces.iter().map(Vec::as_slice));
         self.solids.push((self.cells + cell) as u32);
@@ -211,6 +221,9 @@ impl GridReader {
                 let by_type: Vec<_> = counts.iter().map(|(&number, n)| format!("{n} {}", name_of(number))).collect();
                 notes.push(format!("{before} {total} {after}: {}", by_type.join(", ")));
             }
+        }
+        if let Some(first) = &self.first_open {
+            notes.push(format!("left out {} polyhedra whose faces do not close; the first: {first}", self.open));
         }
         if self.ghosts > 0 {
             notes.push(format!("skipped {} ghost cells (array vtkGhostType)", self.ghosts));

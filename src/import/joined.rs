@@ -74,6 +74,10 @@ impl SeriesSource for Joined {
         &self.fields
     }
 
+    fn cell_number(&self, cell: u32) -> u32 {
+        self.sources.first().map_or(cell, |first| first.cell_number(cell))
+    }
+
     fn mesh(&self) -> FileResult<RawMesh> {
         self.sources[0].mesh()
     }

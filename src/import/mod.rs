@@ -54,7 +54,7 @@ pub fn files(path: &Path) -> FileResult<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Opens several files of one format as one series, in natural order of their names (2 before 10): each `.vtu` file is a step, XDMF files
+/// Opens several files of one format as one series, in natural order of their names (2 before 10): each `.vtu`, `.pvtu` or `.vtm` file is a step, XDMF files
 /// have different fields on the same mesh at the same times.
 ///
 /// # Errors

@@ -103,7 +103,7 @@ impl Parts {
                     // A block without a file is empty.
                     let named = elements.iter().find(|(element, _)| *element == name.as_ref());
                     let Some(file) = named.and_then(|(_, attribute)| attributes.get(attribute)) else { continue };
-                    if extension(Path::new(file)) == "vtp" {
+                    if matches!(extension(Path::new(file)).as_str(), "vtp" | "pvtp") {
                         skipped += 1;
                         continue;
                     }

@@ -101,7 +101,7 @@ impl<S: StepReader> Series<S> {
                 "",
                 format!("has no cells with a volume ({found})"),
             )
-            .remedy("write a volume mesh: tetrahedra, hexahedra, wedges, pyramids or prisms"));
+            .remedy("write a volume mesh: tetrahedra, hexahedra, wedges, pyramids, prisms or polyhedra"));
         }
         notes.extend(grid.notes());
         if first.reader.is_in_pieces() {
@@ -172,6 +172,10 @@ impl<S: StepReader> SeriesSource for Series<S> {
 
     fn fields(&self) -> &[FieldInfo] {
         &self.fields
+    }
+
+    fn cell_number(&self, cell: u32) -> u32 {
+        self.shape.kept.as_ref().and_then(|kept| kept.get(cell as usize)).copied().unwrap_or(cell)
     }
 
     fn mesh(&self) -> FileResult<RawMesh> {

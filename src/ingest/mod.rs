@@ -61,6 +61,7 @@ pub fn ingest(
     check_cancel(cancel)?;
     let (mesh, repair) =
         Mesh::build(raw).map_err(|error| IngestError::Mesh { source_name: source.describe(), error })?;
+    let repair = repair.with_cell_numbers(|cell| source.cell_number(cell));
     writer.write_mesh(&mesh, &repair)?;
     let cells = mesh.topology.tets.len();
     let (order, positions) = ValueOrder::new(mesh, &fields);

@@ -1,7 +1,8 @@
 //! Tests of `import` across modules: files written by VTK, series on disk, and damaged files.
 
 mod damage;
-mod series;
+mod parts;
+pub mod series;
 mod shapes;
 mod xdmf;
 

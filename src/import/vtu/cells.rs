@@ -72,7 +72,7 @@ fn add_cells(grid: &mut GridReader, file: &VtuFile, piece: &Piece, first_point: 
                 let invalid = |problem: String| FileError::invalid(&file.path, format!("cell {i}"), problem);
                 let faces = of_cell.unwrap_or(Ok(None)).map_err(|problem| invalid(problem.to_owned()))?;
                 let faces = faces.ok_or_else(|| invalid("is a polyhedron without faces".to_owned()))?;
-                grid.push_polyhedron(i, &faces, piece.points, first_point).map_err(invalid)?;
+                grid.push_polyhedron(&file.path, i, &faces, piece.points, first_point).map_err(invalid)?;
             }
             read => grid.push(i, read, vertices, piece.points, first_point).map_err(bad_cell)?,
         }

@@ -41,6 +41,11 @@ impl FacesOfCells {
                 faces.iter().max().map_or(0, |&most| usize::try_from(most).unwrap_or(usize::MAX).saturating_add(1));
             let face_ends = ascending(file, needed("face_offsets")?, count)?;
             let corners = indices(file, needed("face_connectivity")?, last(&face_ends))?;
+            if let Some(face) = of_too_many(&faces, count) {
+                let problem = format!("name face {face} for more than {CELLS_OF_A_FACE} cells");
+                let array = needed("polyhedron_to_faces")?;
+                return Err(file.invalid(array, array.byte, problem));
+            }
             return Ok(Self::Shared { corners, face_ends, faces, cell_ends });
         }
         let array = needed("faceoffsets")?;
@@ -64,6 +69,11 @@ impl FacesOfCells {
                 let end = cell_ends.get(cell).map_or(0, |&end| end as usize);
                 let of_cell = faces.get(begin..end).ok_or("has no faces")?;
                 begin = end;
+                let mut named = of_cell.to_vec();
+                named.sort_unstable();
+                if named.windows(2).any(|pair| pair[0] == pair[1]) {
+                    return Err("has a face twice");
+                }
                 let face = |&face: &u64| {
                     let face = face as usize;
                     let from = if face == 0 { 0 } else { face_ends.get(face - 1).copied()? };
@@ -90,6 +100,19 @@ fn ascending(file: &VtuFile, array: &ArrayInfo, count: usize) -> FileResult<Vec<
         None => Ok(ends),
         Some(i) => Err(file.invalid(array, array.byte, format!("decrease at number {}", i + 1))),
     }
+}
+
+/// Cells that may have one face. There are two in a mesh; more are overlapping cells. What a face has is copied for each.
+const CELLS_OF_A_FACE: u8 = 64;
+
+/// A face that more cells name.
+fn of_too_many(faces: &[u64], count: usize) -> Option<u64> {
+    let mut cells = vec![0u8; count];
+    faces.iter().copied().find(|&face| {
+        let cells = &mut cells[face as usize];
+        *cells = cells.saturating_add(1);
+        *cells > CELLS_OF_A_FACE
+    })
 }
 
 /// The last of some ends; beyond every array if it is beyond memory.

@@ -6,6 +6,7 @@ use crate::field::{SeriesSource, TimeAxis};
 use crate::import::format::Format;
 use crate::import::series::Series;
 use std::cmp::Ordering;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 /// VTK's XML unstructured grids, one step per file.
@@ -37,8 +38,8 @@ pub(in crate::import) fn open_steps(
         }
         _ => return Err(FileError::invalid("", "", "no file was named")),
     };
-    let files_of = |path: &PathBuf| steps.iter().find(|(of, _)| of == path).map(|(_, files)| files.clone());
-    let steps = timed.iter().filter_map(|(_, path)| files_of(path)).collect();
+    let files_of: HashMap<PathBuf, Vec<PathBuf>> = steps.into_iter().collect();
+    let steps = timed.iter().filter_map(|(_, path)| files_of.get(path).cloned()).collect();
     Ok(Box::new(Series::<VtuStep>::new(description, times, steps, notes)?))
 }
 

@@ -7,6 +7,7 @@ use super::cells::add_piece;
 use super::{ArrayBytes, ArrayInfo, Piece, VtuFile};
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, FieldInfo};
+use std::collections::HashSet;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 
@@ -74,20 +75,24 @@ impl StepReader for VtuStep {
         let mut fields: Vec<FieldInfo> = Vec::new();
         let mut left_out: Vec<String> = Vec::new();
         for association in [Association::Point, Association::Cell] {
+            let mut judged = HashSet::new();
             for piece in self.pieces().map(|(_, piece)| piece) {
                 for (i, array) in arrays(piece, association).iter().enumerate() {
                     let field = FieldInfo { name: array.name.clone(), components: array.components, association };
+                    let is_second = arrays(piece, association)[..i].iter().any(|other| other.name == field.name);
+                    // All pieces are asked once for each array that a piece may have.
+                    if !judged.insert((field.name.clone(), field.components, is_second)) {
+                        continue;
+                    }
                     let is_same = |other: &ArrayInfo| other.components == field.components;
                     let reason = if field.name.is_empty() {
                         "has no name"
-                    } else if arrays(piece, association)[..i].iter().any(|other| other.name == field.name) {
+                    } else if is_second {
                         "a second array of that name"
                     } else if !self.pieces().all(|(_, piece)| find(piece, &field).is_some_and(is_same)) {
                         "not the same in all pieces"
                     } else {
-                        if !fields.contains(&field) {
-                            fields.push(field);
-                        }
+                        fields.push(field);
                         continue;
                     };
                     left_out.push(format!("'{}' ({reason})", field.name));

@@ -202,7 +202,7 @@ impl XdmfStep {
                 let (mut faces, after) = take_faces(after).ok_or_else(cut)?;
                 faces.iter_mut().try_for_each(|face| self.rebase(topology, face))?;
                 let named = |problem: String| invalid(format!("cell {cell} {problem}"));
-                reader.push_polyhedron(cell, &faces, grid.points, first_point).map_err(named)?;
+                reader.push_polyhedron(self.path(), cell, &faces, grid.points, first_point).map_err(named)?;
                 rest = after;
                 continue;
             }
