@@ -1,7 +1,8 @@
 //! A store as a source: its steps decoded, in the numbering of the file that it was imported from.
 //!
 //! The store has the source index of each vertex and cell. Points and cells dropped by the import (points that no cell used, flat and
-//! duplicate cells) are missing; the others keep their order. Cells that were split come back as they were. Cells with reversed
+//! duplicate cells) are missing; the others keep their order. Cells that were split come back by their corners: voxels as
+//! hexahedra, curved cells as linear ones, polyhedra with their faces seen from one side. Cells with reversed
 //! orientation are reversed back. Points are those of the source, bit for bit. (A store of an older version gives them to within 2^-25 of
 //! its frame, which is half the longest side of the mesh's box, rounded up to a power of two.)
 
@@ -32,7 +33,7 @@ impl<'a> StoredSeries<'a> {
     /// # Errors
     /// If the mesh cannot be read, or a field does not exist.
     pub fn new(store: &'a Store, selectors: &[FieldSelector]) -> FileResult<Self> {
-        let Mesh { topology, positions, vertex_source, cell_source, cell_turned, split_cells } = store.mesh()?;
+        let Mesh { topology, positions, vertex_source, cell_source, cell_turned, split_cells, .. } = store.mesh()?;
         let vertices = order_of(&vertex_source);
         let as_read = store.source_points()?;
         let point = |v: u32| as_read.as_ref().map_or_else(|| positions.world(v as usize), |points| points[v as usize]);
@@ -41,7 +42,8 @@ impl<'a> StoredSeries<'a> {
         for (rank, &vertex) in (0_u32..).zip(&vertices) {
             ranks[vertex as usize] = rank;
         }
-        let mut cells = order_of(&cell_source);
+        let by_source = order_of(&cell_source);
+        let mut cells = by_source.clone();
         cells.retain(|&cell| split_cells.source.binary_search(&cell_source[cell as usize]).is_err());
         let tet = |&cell: &u32| {
             let [a, b, c, d] = topology.tets[cell as usize].map(|v| ranks[v as usize]);
@@ -49,11 +51,18 @@ impl<'a> StoredSeries<'a> {
         };
         let tets: Vec<_> = cells.iter().map(tet).collect();
         let mut solids = Solids::default();
-        let by_source = order_of(&cell_source);
         for (solid, source) in split_cells.solids.iter().zip(&split_cells.source) {
             solids.push_renumbered(solid, |v| ranks[v as usize]);
             let first = by_source.partition_point(|&cell| cell_source[cell as usize] < *source);
-            cells.extend(by_source.get(first));
+            let first = by_source.get(first).filter(|&&cell| cell_source[cell as usize] == *source);
+            cells.push(*first.ok_or_else(|| {
+                FileError::invalid(
+                    store.path(),
+                    "mesh/0/split_cells",
+                    format!("names cell {source}, which the mesh has not"),
+                )
+                .remedy("import the series again")
+            })?);
         }
         let chosen = chosen(store, selectors)?.into_iter();
         let (fields, readers) = chosen.map(|Group { info, components }| (info, components)).unzip();

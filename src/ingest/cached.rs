@@ -10,7 +10,7 @@ use super::report::{IngestError, IngestReport};
 use super::{check_cancel, ingest};
 use crate::error::{FileError, FileResult};
 use crate::import;
-use crate::store::{Store, is_at, is_store};
+use crate::store::{Store, is_at, is_store, store_version};
 use crate::task::{Cancel, Progress};
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File, TryLockError};
@@ -154,10 +154,10 @@ fn canonical(path: &Path) -> PathBuf {
 /// Bytes of an entry's name for the source's name; file systems allow 255, which checksum, extension and names of temporary folders share.
 const STEM_BYTES: usize = 180;
 
-/// Entry name, which changes with the version of tetreel, the sources' paths and every change of their files.
+/// Entry name, which changes with the versions of tetreel and of stores, the sources' paths and every change of their files.
 fn entry_name(sources: &[PathBuf]) -> FileResult<String> {
     // Raw bytes: two paths that are not Unicode may be equal as text.
-    let mut state = env!("CARGO_PKG_VERSION").as_bytes().to_vec();
+    let mut state = [env!("CARGO_PKG_VERSION"), " ", &store_version()].concat().into_bytes();
     for path in sources {
         state.push(b' ');
         state.extend_from_slice(canonical(path).as_os_str().as_encoded_bytes());

@@ -16,7 +16,7 @@ pub struct StoreInfo {
     pub mesh: MeshInfo,
     /// The time axis.
     pub time: TimeInfo,
-    /// The fields, in the order of the source.
+    /// The fields of vertices, then those of cells, each in the order of the source.
     pub fields: Vec<StoredField>,
     /// Bytes on disk.
     pub bytes: u64,

@@ -11,7 +11,8 @@ use std::path::Path;
 use zarrs_metadata::v3::GroupMetadataV3;
 
 /// Version of the layout. A reader accepts any minor version of its major one.
-const STORE_VERSION: [u32; 2] = [1, 0];
+/// 1.1: fields of cells, weights of means, cells of the source that were split. Readers of 1.0 read the rest; appending they would lose it.
+const STORE_VERSION: [u32; 2] = [1, 1];
 /// Version of the derived arrays (faces, face_cells, neighbours, moments); those of other versions are derived again or ignored.
 pub(super) const DERIVED_VERSION: u64 = 1;
 /// Attribute of a derived array that holds its version.
@@ -132,7 +133,7 @@ pub(super) struct FieldAttributes {
 }
 
 /// This layout's version as text.
-pub(super) fn store_version() -> String {
+pub(crate) fn store_version() -> String {
     format!("{}.{}", STORE_VERSION[0], STORE_VERSION[1])
 }
 

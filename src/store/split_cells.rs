@@ -1,4 +1,4 @@
-//! The source's cells of which several tetrahedra were made, for export and probe.
+//! The source's cells of which several tetrahedra were made, for export.
 
 use super::array::StoredArray;
 use super::layout::{self, MESH};
@@ -84,10 +84,12 @@ pub(super) fn read(root: &Path, source: &dyn ReadRange, vertices: u64) -> FileRe
         cells.solids.push(shape, of_cell.iter().copied());
         rest = after;
     }
-    if rest.is_empty() && faces.is_empty() {
-        return Ok(cells);
+    for (name, more) in [(VERTICES, rest), (FACES, faces)] {
+        if !more.is_empty() {
+            return Err(invalid(name, format!("has {} numbers more than its cells", more.len())));
+        }
     }
-    Err(invalid(VERTICES, format!("has {} vertices more than its cells", rest.len().max(faces.len()))))
+    Ok(cells)
 }
 
 /// Takes the faces of a polyhedron from the front of a list; `None` if it is cut.

@@ -1,8 +1,8 @@
 //! Isosurfaces, plane sections and the boundary of a series as files of triangles: `.vtp` (VTK's XML PolyData) and `.ply`.
 //!
-//! Points are in world coordinates, f64, in the file's units; fields are f32 per point, or per triangle if cells have the values. `mesh::contour` defines the surfaces, their
-//! orientation, and the case of a vertex with exactly the isovalue. A cell is a hole at a step where a selected field is not finite at one
-//! of its vertices.
+//! Points are in world coordinates, f64, in the file's units; fields are f32 per point, or per triangle if cells have the values.
+//! `mesh::contour` defines the surfaces, their orientation, and the case of a vertex with exactly the isovalue. A cell is a hole at a step
+//! where a selected field is not finite in it or at one of its vertices.
 
 mod output;
 mod ply;

@@ -199,9 +199,9 @@ fn what_is_not_a_store_of_this_version_is_refused_with_the_reason() {
     assert!(message(dir.path()).contains("tetreel store"));
     let metadata = store.join("zarr.json");
     let text = fs::read_to_string(&metadata).unwrap();
-    fs::write(&metadata, text.replace("\"1.0\"", "\"2.3\"")).unwrap();
+    fs::write(&metadata, text.replace("\"1.1\"", "\"2.3\"")).unwrap();
     assert!(message(&store).contains("store version 2.3"), "{}", message(&store));
-    fs::write(&metadata, text.replace("\"1.0\"", "\"1.7\"")).unwrap();
+    fs::write(&metadata, text.replace("\"1.1\"", "\"1.7\"")).unwrap();
     assert!(Store::open(&store).is_ok(), "a newer minor version is read");
 }
 
