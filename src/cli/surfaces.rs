@@ -189,10 +189,7 @@ fn check_regions(look: &SurfaceLook, series: &Series) -> anyhow::Result<()> {
             regions.field
         );
     }
-    let is_met = |range: [f32; 2]| {
-        let [least, greatest] = range.map(f64::from);
-        regions.values.iter().any(|&[from, to]| from <= greatest && least <= to)
-    };
+    let is_met = |[least, greatest]: [f32; 2]| regions.values.iter().any(|&[from, to]| from <= greatest && least <= to);
     match of.field().range {
         Some(range) if !is_met(range) => {
             bail!(

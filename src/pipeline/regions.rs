@@ -11,15 +11,40 @@ use std::str::FromStr;
 pub struct Regions {
     /// Name of the field, as options have it.
     pub field: String,
-    /// Least and greatest value of each range; equal for a single value.
-    pub values: Vec<[f64; 2]>,
+    /// Least and greatest value of each range, in the numbers that fields have; equal for a single value.
+    pub values: Vec<[f32; 2]>,
 }
 
 impl Regions {
     /// Whether a cell with this value is shown.
     pub fn show(&self, value: f32) -> bool {
-        let value = f64::from(value);
         self.values.iter().any(|&[from, to]| from <= value && value <= to)
+    }
+
+    /// The regions of a field whose values are given as text: `VALUE,FROM..TO,...`.
+    ///
+    /// # Errors
+    /// If the text is something else.
+    pub fn of_field(field: &str, values: &str) -> Result<Self, String> {
+        let malformed = || format!("'{values}' is no list of values; write VALUE,FROM..TO, as in 0,3..5");
+        let number = |text: &str| text.trim().parse().ok().filter(|value: &f32| !value.is_nan()).ok_or_else(malformed);
+        let range = |text: &str| -> Result<[f32; 2], String> {
+            let [from, to] = match text.split_once("..") {
+                Some((from, to)) => [number(from)?, number(to)?],
+                None => [number(text)?; 2],
+            };
+            if from <= to { Ok([from, to]) } else { Err(format!("'{text}' ends before it begins")) }
+        };
+        let values = values.split(',').map(range).collect::<Result<_, _>>()?;
+        Ok(Self { field: field.to_owned(), values })
+    }
+
+    /// The values as text, which [`Self::of_field`] reads.
+    pub fn values_as_text(&self) -> String {
+        let range = |&[from, to]: &[f32; 2]| {
+            if from == to { Short(from).to_string() } else { format!("{}..{}", Short(from), Short(to)) }
+        };
+        self.values.iter().map(range).collect::<Vec<_>>().join(",")
     }
 }
 
@@ -29,16 +54,7 @@ impl FromStr for Regions {
     fn from_str(text: &str) -> Result<Self, String> {
         let malformed = || format!("'{text}' is no choice of regions; write FIELD=VALUE,FROM..TO, as in block=0,3..5");
         let (field, values) = text.rsplit_once('=').ok_or_else(malformed)?;
-        let number = |text: &str| text.trim().parse().ok().filter(|value: &f64| !value.is_nan()).ok_or_else(malformed);
-        let range = |text: &str| -> Result<[f64; 2], String> {
-            let [from, to] = match text.split_once("..") {
-                Some((from, to)) => [number(from)?, number(to)?],
-                None => [number(text)?; 2],
-            };
-            if from <= to { Ok([from, to]) } else { Err(format!("'{text}' ends before it begins")) }
-        };
-        let values = values.split(',').map(range).collect::<Result<Vec<_>, _>>()?;
-        if field.trim().is_empty() { Err(malformed()) } else { Ok(Self { field: field.trim().to_owned(), values }) }
+        if field.trim().is_empty() { Err(malformed()) } else { Self::of_field(field.trim(), values) }
     }
 }
 
@@ -58,10 +74,7 @@ impl From<Regions> for String {
 
 impl fmt::Display for Regions {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let range = |&[from, to]: &[f64; 2]| {
-            if from == to { Short(from).to_string() } else { format!("{}..{}", Short(from), Short(to)) }
-        };
-        write!(f, "{}={}", self.field, self.values.iter().map(range).collect::<Vec<_>>().join(","))
+        write!(f, "{}={}", self.field, self.values_as_text())
     }
 }
 
@@ -79,6 +92,9 @@ mod tests {
         assert_eq!((regions.field.as_str(), &regions.values[..]), ("block", &[[0.0, 0.0], [3.0, 5.0]][..]));
         assert!([0.0, 3.0, 4.5, 5.0].iter().all(|value| regions.show(*value)));
         assert!(![-0.1, 0.1, 5.1, f32::NAN, f32::INFINITY].iter().any(|value| regions.show(*value)));
+        // Fields have 0.7 and 0.1 as f32, which are below and above.
+        let regions: Regions = "phase=0.1,0.7..1".parse().unwrap();
+        assert!(regions.show(0.1) && regions.show(0.7) && !regions.show(0.1f32.next_up()));
         for text in ["", "block", "block=", "=1", "block=1,", "block=a", "block=5..3", "block=nan"] {
             assert!(text.parse::<Regions>().is_err(), "{text}");
         }

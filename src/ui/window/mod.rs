@@ -9,6 +9,7 @@ mod point;
 mod popups;
 mod preview;
 mod project;
+mod regions;
 mod run;
 mod screen;
 mod side;

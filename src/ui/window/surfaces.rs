@@ -1,7 +1,7 @@
 //! Isosurfaces and cuts: values, positions and colours.
 
-use super::overlay;
 use super::widgets::{choice, color_button, icon, labelled, named, number, toggle};
+use super::{overlay, regions};
 use crate::pipeline::{Shown, SurfaceLook};
 use crate::render::domain::{DomainStyle, DomainSurface};
 use crate::render::surfaces::{Cut, Isosurface, Normals, SURFACES_MAX};
@@ -21,7 +21,8 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     let kinds = [(Shown::Volume, "volume"), (Shown::Surfaces, "isosurfaces"), (Shown::Both, "volume and isosurfaces")];
     // Collapsed, since all parts would push down the controls below.
     let id = ui.scope_id().with("cuts are open");
-    let mut is_open = ui.data(|data| data.get_temp(id)).unwrap_or(!look.cuts.is_empty() || !look.domain.is_empty());
+    let is_used = !look.cuts.is_empty() || !look.domain.is_empty() || look.regions.is_some();
+    let mut is_open = ui.data(|data| data.get_temp(id)).unwrap_or(is_used);
     ui.horizontal(|ui| {
         if choice(ui, "What is shown (M)", &mut look.shown, &kinds)
             && look.shown != Shown::Volume
@@ -29,7 +30,7 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
         {
             look.isosurfaces.push(Isosurface::new(0.5 * lo + 0.5 * hi));
         }
-        if toggle(ui, "cuts", "Cuts, light on the volume, surface of the domain", is_open).clicked() {
+        if toggle(ui, "cuts", "Cuts, light on the volume, surface of the domain, regions", is_open).clicked() {
             is_open = !is_open;
             ui.data_mut(|data| data.insert_temp(id, is_open));
         }
@@ -52,6 +53,7 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
         }
         domain(ui, &mut look);
         parts(ui, session.part_sizes(), &mut look.parts);
+        regions::show(ui, session.store().fields(), &mut look.regions);
         cuts(ui, session, &mut look);
     }
     if look != before {

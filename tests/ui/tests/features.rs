@@ -289,7 +289,7 @@ fn cuts_and_the_surface_of_the_domain_are_made_moved_and_removed_in_the_side_pan
     desk.settle();
     let volume = desk.session().shown().unwrap().frame.planes.color.clone();
     let tets = |desk: &Desk| desk.session().shown().unwrap().request.tets().unwrap().clone();
-    desk.click("Cuts, light on the volume, surface of the domain");
+    desk.click("Cuts, light on the volume, surface of the domain, regions");
     desk.click("Add section");
     desk.settle();
     let section = tets(&desk).cuts[0];
@@ -353,7 +353,7 @@ fn connected_parts_are_switched_off_and_on_by_number() {
         (shown.request.tets().unwrap().parts.clone(), shown.frame.stats.cells_active)
     };
     assert_eq!(shown(&desk), (vec![], 3));
-    desk.click("Cuts, light on the volume, surface of the domain");
+    desk.click("Cuts, light on the volume, surface of the domain, regions");
     desk.click("Connected parts");
     desk.click("0: 2 cells");
     desk.settle();
@@ -366,5 +366,45 @@ fn connected_parts_are_switched_off_and_on_by_number() {
     desk.click("0: 2 cells");
     desk.settle();
     assert_eq!(shown(&desk), (vec![], 3));
+    assert!(desk.session().notices().is_empty(), "{:?}", desk.session().notices());
+}
+
+#[test]
+fn regions_are_chosen_by_a_field_of_cells_and_its_values() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("regions.vtu");
+    let blocks =
+        "<CellData><DataArray type=\"Float32\" Name=\"block\" format=\"ascii\">0 3 5</DataArray></CellData>\n<Points>";
+    std::fs::write(&path, TWO_PARTS.replace("<Points>", blocks)).unwrap();
+    let options = options(folder.path(), Start::Open(vec![path]));
+    let Some(mut desk) = Desk::with([1280.0, 800.0], 1.0, options, folder) else { return };
+    desk.begin();
+    desk.settle();
+    let shown = |desk: &Desk| {
+        let shown = desk.session().shown().unwrap();
+        let regions = shown.request.tets().unwrap().regions.as_ref().map(ToString::to_string);
+        (regions, shown.frame.stats.cells_active)
+    };
+    assert_eq!(shown(&desk), (None, 3));
+    desk.click("Cuts, light on the volume, surface of the domain, regions");
+    desk.click("Field of the regions");
+    desk.click("block");
+    desk.settle();
+    assert_eq!(shown(&desk), (Some("block=0..5".to_owned()), 3));
+    for (typed, expected, cells) in [("3..7,-1", "block=3..7,-1", 2), ("5", "block=5", 1), ("5..", "block=5", 1)] {
+        desk.harness.get_by_label("Values of the regions").focus();
+        desk.harness.run_steps(2);
+        desk.harness.key_press_modifiers(egui::Modifiers::COMMAND, Key::A);
+        desk.harness.event(egui::Event::Text(typed.to_owned()));
+        desk.harness.run_steps(2);
+        desk.settle();
+        assert_eq!(shown(&desk), (Some(expected.to_owned()), cells), "{typed}");
+    }
+    desk.until_there("'5..' is no list of values; write VALUE,FROM..TO, as in 0,3..5");
+    desk.save("regions.png");
+    desk.click("Field of the regions");
+    desk.click("all regions");
+    desk.settle();
+    assert_eq!(shown(&desk), (None, 3));
     assert!(desk.session().notices().is_empty(), "{:?}", desk.session().notices());
 }
