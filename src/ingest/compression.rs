@@ -11,8 +11,8 @@ pub struct CompressionReport {
     pub codec: String,
     /// Entries of each codebook.
     pub entries: u64,
-    /// Number of vertices.
-    pub vertices: u64,
+    /// Number of values of a step.
+    pub values: u64,
     /// Number of tetrahedra.
     pub tets: u64,
     /// Number of steps.
@@ -36,17 +36,17 @@ impl CompressionReport {
     /// The row of a field; `None` without a codebook.
     pub(super) fn new(
         encoding: &dyn Encoding,
-        [vertices, tets, steps]: [u64; 3],
+        [values, tets, steps]: [u64; 3],
         bytes: u64,
         quality: Quality,
     ) -> Option<Self> {
-        let PaperSize { entries, bytes: paper_bytes } = encoding.by_the_paper(vertices, steps)?;
-        let raw_bytes = vertices * steps * size_of::<f32>() as u64;
+        let PaperSize { entries, bytes: paper_bytes } = encoding.by_the_paper(values, steps)?;
+        let raw_bytes = values * steps * size_of::<f32>() as u64;
         let ratio = |bytes: u64| raw_bytes as f64 / bytes.max(1) as f64;
         Some(Self {
             codec: encoding.codec().name.to_owned(),
             entries,
-            vertices,
+            values,
             tets,
             steps,
             raw_bytes,
@@ -66,8 +66,8 @@ impl fmt::Display for CompressionReport {
         let q = &self.quality;
         writeln!(
             f,
-            "  {}, {} entries: {} vertices, {} tets, {} steps",
-            self.codec, self.entries, self.vertices, self.tets, self.steps
+            "  {}, {} entries: {} values a step, {} tets, {} steps",
+            self.codec, self.entries, self.values, self.tets, self.steps
         )?;
         writeln!(
             f,
@@ -86,7 +86,7 @@ impl fmt::Display for CompressionReport {
         let s = &q.over_sigma;
         write!(
             f,
-            "  RMSE over a vertex's sigma: median {:.3e}, 99 % below {:.3e}, max {:.3e}",
+            "  RMSE over a scalar's sigma: median {:.3e}, 99 % below {:.3e}, max {:.3e}",
             s.median, s.p99, s.max
         )?;
         if self.bytes > self.raw_bytes {

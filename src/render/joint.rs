@@ -37,14 +37,17 @@ pub struct JointScene {
 }
 
 impl JointScene {
-    /// Checks that there is one value per vertex or cell of a mesh.
-    pub(super) fn check(&self, mesh: &Mesh) -> Result<(), RenderError> {
+    /// Checks that there is one value per vertex or cell of a mesh, and that rows are of what has the scalars.
+    pub(super) fn check(&self, mesh: &Mesh, scalars: &Scalars) -> Result<(), RenderError> {
         let check = |values: &Option<Arc<Vec<f32>>>, of: &'static str, expected: usize| match values {
             Some(values) if values.len() != expected => {
                 Err(RenderError::JointValueCount { given: values.len(), of, expected })
             }
             _ => Ok(()),
         };
+        if self.row_values.as_ref().is_some_and(|values| values.association() != scalars.association()) {
+            return Err(RenderError::JointAssociation);
+        }
         match &self.row_values {
             Some(Scalars::Cells(values)) => check(&Some(values.clone()), "cells", mesh.topology.tets.len())?,
             values => {

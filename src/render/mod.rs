@@ -183,6 +183,9 @@ pub enum RenderError {
         /// Vertices or cells of the mesh.
         expected: usize,
     },
+    /// Vertices have the rows of a joint table and cells the scalars, or the other way round.
+    #[error("the rows of a joint table must be of vertices if the scalars are, and of cells if these are")]
+    JointAssociation,
     /// A fragment of another layer is out of range.
     #[error(
         "a fragment of pixel {pixel} at depth {depth} with light {rgba:?}: depths are finite, light is not negative, opacity at most 1"
@@ -343,7 +346,7 @@ impl RenderJob {
             Some(given) if given != expected => return Err(RenderError::LayerPixels { given, expected }),
             _ => {}
         }
-        self.joint.as_ref().map_or(Ok(()), |joint| joint.check(&self.mesh))
+        self.joint.as_ref().map_or(Ok(()), |joint| joint.check(&self.mesh, &self.scalars))
     }
 
     /// The job with its effective optics: exact for a joint table.

@@ -32,7 +32,7 @@ use glam::DVec3;
 pub struct Probe {
     /// The cell, in the numbering of the mesh (a store's order, not its source's).
     pub cell: u32,
-    /// The cell's number among the tetrahedra of the source.
+    /// The cell's number in the source's mesh, of which it is or is a part: the order in which `export` writes cells.
     pub source_cell: u32,
     /// World coordinates.
     pub position: DVec3,

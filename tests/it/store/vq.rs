@@ -71,7 +71,7 @@ fn an_import_reports_the_columns_of_the_papers_table() {
     let (store, report) = imported(dir.path(), "vq.zarr", &options(16));
     let field = report.fields.iter().find(|f| f.name == "T").unwrap();
     let row = field.compression.as_ref().unwrap();
-    assert_eq!([row.vertices, row.tets, row.steps, row.entries], [64, 162, 70, 16]);
+    assert_eq!([row.values, row.tets, row.steps, row.entries], [64, 162, 70, 16]);
     assert_eq!([row.raw_bytes, row.paper_bytes], [64 * 70 * 4, paper_bytes(64, 70, 16)]);
     let mut bytes = 0;
     for file in super::contents(&store.path().join("fields/T/vq")) {
@@ -84,7 +84,8 @@ fn an_import_reports_the_columns_of_the_papers_table() {
     let (snr, min, max) = (quality.snr_db.unwrap(), quality.snr_min_db.unwrap(), quality.snr_max_db.unwrap());
     assert!(min <= snr && snr <= max && quality.rmse <= quality.max_error);
     let text = report.to_string();
-    for part in ["64 vertices, 162 tets, 70 steps", "by the paper's formula", "SNR ", "max error", "sigma: median"] {
+    for part in ["64 values a step, 162 tets, 70 steps", "by the paper's formula", "SNR ", "max error", "sigma: median"]
+    {
         assert!(text.contains(part), "{part}: {text}");
     }
     let json = serde_json::to_value(&report).unwrap();
