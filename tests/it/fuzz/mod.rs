@@ -28,6 +28,7 @@ const FURTHER: &[(&str, &str, &str)] = &[("vtu", "tests/data/vtu", "vtu")];
 const MUTANTS: &[(&str, u64)] = &[
     ("vtu", 1500),
     ("pvd", 500),
+    ("parts", 800),
     ("xdmf", 1200),
     ("transfer_function", 800),
     ("color_maps", 800),
@@ -89,6 +90,7 @@ macro_rules! replayed {
 replayed! {
     any_bytes_are_a_vtu_file_or_an_error: "vtu";
     any_bytes_are_a_collection_or_an_error: "pvd";
+    any_bytes_are_files_in_parts_or_an_error: "parts";
     any_bytes_are_an_xdmf_series_or_an_error: "xdmf";
     any_bytes_are_a_transfer_function_or_an_error: "transfer_function";
     any_bytes_are_colour_maps_or_an_error: "color_maps";

@@ -3,6 +3,7 @@
 
 use super::CORPUS;
 use super::targets::archive::pack;
+use crate::import::series::Grid;
 use crate::meshes::{grid, noise};
 use ::exr::prelude::{
     Blocks, Compression, Encoding, Image, Layer, LayerAttributes, LineOrder, SpecificChannels, Vec2, WritableImage,
@@ -36,8 +37,10 @@ fn put(to: &Path, target: &str, name: &str, bytes: &[u8]) {
 
 fn write_all(to: &Path) {
     stores(to);
+    stores_of_shapes(to);
     blocks(to);
     xdmf_and_pvd(to);
+    parts(to);
     images(to);
     transfer_functions(to);
     texts(to);
@@ -126,6 +129,58 @@ fn stores(to: &Path) {
         ingest(&source, &path, &IngestOptions { codec, ..Default::default() }, &Silent, &Cancel::new()).unwrap();
         put(to, "store", name, &packed(&path));
     }
+}
+
+/// A hexahedron, a wedge as a polyhedron, a pyramid and a tetrahedron.
+fn shapes(has_shared_faces: bool) -> Grid {
+    let mut points: Vec<_> = (0..8).map(|i| [f64::from(i % 2), f64::from(i / 2 % 2), f64::from(i / 4)]).collect();
+    points.extend([[0.5, 0.0, 2.0], [0.5, 1.0, 2.0], [2.0, 0.5, 0.5], [2.0, 0.0, 1.5]]);
+    let wedge = vec![vec![4, 5, 8], vec![6, 9, 7], vec![4, 6, 7, 5], vec![5, 7, 9, 8], vec![8, 9, 6, 4]];
+    Grid {
+        point_arrays: vec![("T", 1, (0..12).map(f64::from).collect())],
+        cell_arrays: vec![("c", 2, (0..8).map(f64::from).collect())],
+        cells: vec![
+            (12, vec![0, 1, 3, 2, 4, 5, 7, 6]),
+            (42, vec![4, 5, 8, 6, 7, 9]),
+            (14, vec![1, 3, 7, 5, 10]),
+            (10, vec![5, 7, 10, 11]),
+        ],
+        faces: vec![(1, wedge)],
+        points,
+        has_shared_faces,
+        ..Grid::default()
+    }
+}
+
+fn stores_of_shapes(to: &Path) {
+    let folder = tempfile::tempdir().unwrap();
+    let (vtu, path) = (folder.path().join("a.vtu"), folder.path().join("s.zarr"));
+    fs::write(&vtu, shapes(true).text()).unwrap();
+    let source = tetreel::import::open(&vtu).unwrap();
+    ingest(source.as_ref(), &path, &IngestOptions::default(), &Silent, &Cancel::new()).unwrap();
+    put(to, "store", "shapes", &packed(&path));
+}
+
+/// Pieces, blocks and lists of them; and polyhedra, which such files often have.
+fn parts(to: &Path) {
+    for (name, has_shared_faces) in [("polyhedra", false), ("polyhedra_shared_faces", true)] {
+        put(to, "vtu", name, shapes(has_shared_faces).text().as_bytes());
+    }
+    let grid = shapes(false).text();
+    let pieces = br#"<VTKFile type="PUnstructuredGrid"><PUnstructuredGrid GhostLevel="0">
+<Piece Source="a.vtu"/><Piece Source="./b.vtu"/></PUnstructuredGrid></VTKFile>
+"#;
+    let blocks = br#"<VTKFile type="vtkMultiBlockDataSet"><vtkMultiBlockDataSet><Block index="0"><DataSet index="0" file="p.pvtu"/>
+<DataSet index="1"/></Block><DataSet index="1" file="s.vtp"/></vtkMultiBlockDataSet></VTKFile>
+"#;
+    let list =
+        br#"{"file-series-version": "1.0", "files": [{"name": "m.vtm", "time": 0.5}, {"name": "p.pvtu", "time": 0}]}"#;
+    let files = [("a.vtu", grid.as_bytes()), ("b.vtu", grid.as_bytes()), ("p.pvtu", &pieces[..]), ("m.vtm", blocks)];
+    let all = [("fuzzed.vtu.series", &list[..])].into_iter().chain(files);
+    put(to, "parts", "nested", &pack(all.map(|(name, bytes)| (name, bytes, false))));
+    let list = br#"{"files": [{"name": "a.vtu", "time": -1e3}, {"name": "a.vtu", "time": 2.5}]}"#;
+    let all = [("fuzzed.vtu.series", &list[..], false), ("a.vtu", grid.as_bytes(), false)];
+    put(to, "parts", "plain", &pack(all));
 }
 
 /// The files below a folder as one input, chunks without their checksums.

@@ -33,6 +33,7 @@ pub struct Target {
 pub const TARGETS: &[Target] = &[
     Target { name: "vtu", run: vtu },
     Target { name: "pvd", run: |bytes| series_of(bytes, "fuzzed.pvd") },
+    Target { name: "parts", run: |bytes| series_of(bytes, "fuzzed.vtu.series") },
     Target { name: "xdmf", run: |bytes| series_of(bytes, "fuzzed.xdmf") },
     Target { name: "transfer_function", run: transfer_function },
     Target { name: "color_maps", run: color_maps },

@@ -8,6 +8,8 @@ use std::sync::Arc;
 use tetreel::codec::vq::{VqDecoder, VqParameters};
 use tetreel::codec::{Decoder, Element, ReadRange, chunk_key, parse_chunk_key, read_chunk, read_rows, seal, to_bytes};
 use tetreel::error::{FileError, FileResult};
+use tetreel::export::StoredSeries;
+use tetreel::field::{Association, Component, SeriesSource};
 use tetreel::store::Store;
 
 /// The folder of a store, all of whose parts are read.
@@ -25,6 +27,7 @@ fn read_store(folder: &Folder) -> FileResult<()> {
     let points = store.source_points()?;
     assert!(points.is_none_or(|points| points.len() == mesh.positions.local.len()));
     assert!(store.times().values.is_sorted_by(|a, b| a < b));
+    read_as_source(&store)?;
     for field in store.fields() {
         // The name that is stored is one that the user can give.
         let Ok(selector) = field.name.parse();
@@ -46,6 +49,22 @@ fn read_store(folder: &Folder) -> FileResult<()> {
         for interval in reader.intervals(6).unwrap_or_default() {
             assert!(interval.first <= interval.sampled && interval.sampled < interval.end);
         }
+    }
+    Ok(())
+}
+
+/// The cells and the first step of each field as the source had them.
+fn read_as_source(store: &Store) -> FileResult<()> {
+    let source = StoredSeries::new(store, &[])?;
+    let mesh = source.mesh()?;
+    let mut out = Vec::new();
+    for field in source.fields() {
+        source.read(field, Component::Index(0), 0, &mut out)?;
+        let values = match field.association {
+            Association::Point => mesh.points.len(),
+            Association::Cell => mesh.cells.len(),
+        };
+        assert_eq!(out.len(), values, "{field:?}");
     }
     Ok(())
 }
