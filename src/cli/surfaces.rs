@@ -183,7 +183,7 @@ fn check_parts(look: &SurfaceLook, mesh: &Mesh) -> anyhow::Result<()> {
 fn check_regions(look: &SurfaceLook, series: &Series) -> anyhow::Result<()> {
     let Some(regions) = &look.regions else { return Ok(()) };
     let of = series.beside(&regions.field.parse().map_err(anyhow::Error::msg)?)?;
-    if of.association() == Association::Point {
+    if of.values_of() == Association::Point {
         bail!(
             "--regions {regions}: '{}' has values of vertices; regions are chosen by a field of cells",
             regions.field

@@ -115,7 +115,7 @@ pub fn check_fields(source: &dyn SeriesSource, options: &IngestOptions) -> FileR
 fn plan_fields(source: &dyn SeriesSource, options: &IngestOptions) -> FileResult<Vec<PlannedField>> {
     let planned = plan::plan(source.fields(), &options.fields, &options.units)
         .map_err(|problem| FileError::invalid(source.describe(), "fields", problem))?;
-    let to_points = |field: PlannedField| if options.cells_to_points { field.to_points() } else { field };
+    let to_points = |field: PlannedField| if options.cells_to_points { field.into_points() } else { field };
     Ok(planned.into_iter().map(to_points).collect())
 }
 

@@ -46,7 +46,7 @@ impl PlannedField {
     }
 
     /// The field with its values brought to vertices, if cells have them.
-    pub(super) fn to_points(self) -> Self {
+    pub(super) fn into_points(self) -> Self {
         let means = (self.info.association == Association::Cell).then_some(Means::ByVolume);
         Self { means, ..self }
     }

@@ -78,7 +78,7 @@ fn evenly(count: usize, most: usize) -> impl Iterator<Item = usize> {
 /// Volume per scalar in local units: that of a cell, or a quarter of each of a vertex's cells.
 fn volumes(series: &Series) -> Vec<f64> {
     let mesh = &series.mesh;
-    if series.association() == Association::Cell {
+    if series.values_of() == Association::Cell {
         return (0..mesh.topology.tets.len() as u32).map(|cell| mesh.cell_volume(cell)).collect();
     }
     let mut volumes = vec![0.0; mesh.positions.local.len()];

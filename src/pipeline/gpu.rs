@@ -252,6 +252,7 @@ impl Gpu {
                 | RenderError::NoFaces
                 | RenderError::NoSuchFace { .. }
                 | RenderError::JointValueCount { .. }
+                | RenderError::JointAssociation
                 | RenderError::BadLayerFragment { .. }
                 | RenderError::LayerPixels { .. }
                 | RenderError::SampleSize { .. }

@@ -95,7 +95,7 @@ impl Decode {
         let Some(layer) = layer.filter(|layer| !layer.is_empty()) else {
             return Ok(Blank::of(&mut self.blank, series).decoded(by));
         };
-        if series.association() == Association::Cell && !layer.surfaces.is_empty() {
+        if series.values_of() == Association::Cell && !layer.surfaces.is_empty() {
             return Err(RequestError::IsosurfacesOfCells(series.field.name.clone()).into());
         }
         let colors = SurfaceColors::of(&mut self.colors, layer)?;
@@ -132,7 +132,7 @@ impl Decode {
         let bad = |error: String| RequestError::NoRegions(format!("'{field}' {error}"));
         let Ok(selector) = field.parse::<FieldSelector>();
         let of = series.beside(&selector)?;
-        if of.association() == Association::Point {
+        if of.values_of() == Association::Point {
             let problem = "has values of vertices; regions are chosen by a field of cells";
             return Err(bad(problem.to_owned()).into());
         }
@@ -215,7 +215,7 @@ struct Blank {
 impl Blank {
     /// The stand-in for a series; `last` until another one has other numbers of vertices or cells.
     fn of<'a>(last: &'a mut Option<Self>, series: &Series) -> &'a Self {
-        let (of, count) = (series.association(), series.scalar_count());
+        let (of, count) = (series.values_of(), series.scalar_count());
         let is_fitting = |blank: &Self| blank.scalars.association() == of && blank.scalars.values().len() == count;
         let fitting = last.take().filter(is_fitting);
         last.insert(fitting.unwrap_or_else(|| {

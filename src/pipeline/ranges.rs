@@ -43,7 +43,7 @@ impl Series {
 
     /// Learns the ranges of a step from all of its scalars.
     pub(super) fn learn_ranges(&self, step: usize, scalars: &[f32]) {
-        if self.association() == Association::Cell {
+        if self.values_of() == Association::Cell {
             // Chunks are of vertices.
             return;
         }

@@ -203,7 +203,7 @@ impl Series {
     }
 
     /// What has the scalars: vertices or cells.
-    pub fn association(&self) -> Association {
+    pub fn values_of(&self) -> Association {
         self.field.values_of
     }
 
@@ -226,7 +226,7 @@ impl Series {
 
     /// Number of scalars of a step.
     pub(crate) fn scalar_count(&self) -> usize {
-        match self.association() {
+        match self.values_of() {
             Association::Point => self.mesh.positions.local.len(),
             Association::Cell => self.mesh.topology.tets.len(),
         }
@@ -234,12 +234,12 @@ impl Series {
 
     /// The scalars of a step by its values.
     pub(crate) fn scalars(&self, values: Arc<Vec<f32>>) -> Scalars {
-        Scalars::new(self.association(), values)
+        Scalars::new(self.values_of(), values)
     }
 
     /// Values of a step as values of the vertices: those of cells are averaged ([`Mesh::means_at_vertices`]).
     pub(super) fn at_vertices(&self, values: Vec<f32>) -> Vec<f32> {
-        match self.association() {
+        match self.values_of() {
             Association::Point => values,
             Association::Cell => self.mesh.means_at_vertices(&values),
         }

@@ -151,7 +151,7 @@ impl Curve {
         while self.done < self.values.len() {
             match series.decode_step(self.done, &mut scalars, cancel) {
                 Ok(true) => {
-                    let value = match series.association() {
+                    let value = match series.values_of() {
                         Association::Point => interpolate(self.weights, tet.map(|v| scalars[v as usize])),
                         Association::Cell => f64::from(scalars[self.cell as usize]),
                     };

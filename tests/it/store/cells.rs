@@ -203,7 +203,7 @@ fn quantities_of_a_field_of_cells_are_of_cells() {
     let store = Store::open(&path).unwrap();
     let series = Series::open(&store, None).unwrap();
     let (cells, cancel) = (series.mesh().topology.tets.len(), Cancel::new());
-    assert_eq!(series.association(), Association::Cell);
+    assert_eq!(series.values_of(), Association::Cell);
     let cov = series.coefficients_of_variation(&cancel).unwrap().unwrap();
     assert_eq!(cov.len(), cells);
     for (cell, &of) in series.mesh().cell_source.iter().enumerate() {
