@@ -21,6 +21,7 @@ mod geometry;
 mod order;
 mod perturbed;
 mod repair;
+mod shapes;
 mod symmetry;
 mod tables;
 mod watertight;

@@ -1,6 +1,7 @@
 //! A homogeneous volume lets exp(-tau d) through wherever a ray goes: none misses a cell, none meets one twice.
 
 use super::cameras::within;
+use super::shapes::box_of_shapes;
 use super::*;
 use crate::meshes::{build, grid, noise};
 use crate::render::raycast;
@@ -31,6 +32,21 @@ impl Volume {
         Self { name, mesh: Arc::new(build(raw)), tau: 0.5 * DEPTH / squash }
     }
 
+    fn of_shapes() -> Self {
+        let (mesh, report) = Mesh::build(box_of_shapes()).unwrap();
+        let found = (report.gapped_cells, report.warped_cells, report.zero_volume, report.non_manifold_faces);
+        assert_eq!((found, report.parts), ((0, 0, 0, 0), 1));
+        assert!(report.split_cells > 100 && mesh.topology.check().is_ok());
+        // The faces of the boundary, and no others, are those in the sides of the box.
+        let on_side = |face: u32| {
+            let corners = mesh.topology.faces[face as usize].map(|v| mesh.positions.world(v as usize));
+            (0..3).any(|axis| corners.iter().all(|p| p[axis].abs() == 1.0 && p[axis] == corners[0][axis]))
+        };
+        let count = mesh.topology.boundary_faces().inspect(|&face| assert!(on_side(face), "an inner face")).count();
+        assert!(count as u64 == report.boundary_faces && count > 150, "{count}");
+        Self { name: "shapes", mesh: Arc::new(mesh), tau: 0.5 * DEPTH }
+    }
+
     fn job(&self, view: View) -> RenderJob {
         let camera = camera(DVec3::X, cameras::PARALLEL);
         let scalars = vec![0.5; self.mesh.positions.local.len()];
@@ -46,6 +62,7 @@ fn volumes() -> Vec<Volume> {
         Volume::new("slivers of 1e-3", 0.16, 1e-3, 1.0),
         Volume::new("slivers of 1e-5", 0.16, 1e-5, 1.0),
         Volume::new("layers to 1e-6", 0.16, 1.0, 1e-6),
+        Volume::of_shapes(),
     ]
 }
 
