@@ -3,6 +3,7 @@
 use crate::meshes::noise;
 use glam::DVec3;
 use std::collections::HashMap;
+use tetreel::mesh::polyhedron::close;
 use tetreel::mesh::{Cells, RawMesh, SolidShape, Solids, split};
 
 /// Cells along each axis. Places are counted in halves of a cell.
@@ -71,7 +72,8 @@ impl Shapes {
             }
             return;
         }
-        let faces = self.faces(cell);
+        let mut faces = self.faces(cell);
+        close(&mut faces).unwrap();
         if faces.len() > 6 || faces.iter().any(|face| face.len() > 4) {
             self.mesh.cells.solids.push_polyhedron(faces.iter().map(Vec::as_slice));
             return;
