@@ -13,7 +13,7 @@ pub struct SourceCells {
 }
 
 impl SourceCells {
-    /// The source's cells of a mesh with these [sources](Mesh::cell_source) of its cells.
+    /// The source's cells of a mesh with these [sources](super::Mesh::cell_source) of its cells.
     pub fn of(cell_source: &[u32]) -> Self {
         let cells = cell_source.len();
         let sources = cell_source.iter().max().map_or(0, |&most| most as usize + 1);
