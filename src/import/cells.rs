@@ -92,7 +92,7 @@ pub(super) struct GridReader {
     /// Number of skipped duplicates of another piece's cells.
     pub(super) ghosts: usize,
     /// Number of polyhedra that are left out because their faces do not close.
-    open: usize,
+    open_polyhedra: usize,
     /// The first of these, and what is wrong with it.
     first_open: Option<String>,
 }
@@ -190,7 +190,7 @@ impl GridReader {
         let numbered = |face: &Vec<u64>| face.iter().map(|&vertex| vertex as u32).collect();
         let mut faces: Vec<Vec<u32>> = faces.iter().map(numbered).collect();
         if let Err(problem) = close(&mut faces) {
-            self.open += 1;
+            self.open_polyhedra += 1;
             self.first_open.get_or_insert_with(|| format!("cell {cell} of {} {problem}", path.display()));
             return Ok(());
         }
@@ -223,27 +223,16 @@ impl GridReader {
             }
         }
         if let Some(first) = &self.first_open {
-            notes.push(format!("left out {} polyhedra whose faces do not close; the first: {first}", self.open));
+            notes.push(format!(
+                "left out {} polyhedra whose faces do not close; the first: {first}",
+                self.open_polyhedra
+            ));
         }
         if self.ghosts > 0 {
             notes.push(format!("skipped {} ghost cells (array vtkGhostType)", self.ghosts));
         }
         notes
     }
-}
-
-/// The faces at the front of a list, and what follows them; `None` if the list is cut. A list has the number of the faces, then for each the
-/// number of its corners, and these.
-pub(super) fn take_faces(list: &[u64]) -> Option<(Vec<Vec<u64>>, &[u64])> {
-    let (&count, mut rest) = list.split_first()?;
-    let mut faces = Vec::new();
-    for _ in 0..count {
-        let (&corners, after) = rest.split_first()?;
-        let (face, after) = after.split_at_checked(usize::try_from(corners).ok()?)?;
-        faces.push(face.to_vec());
-        rest = after;
-    }
-    Some((faces, rest))
 }
 
 /// Name of a VTK cell type.

@@ -84,6 +84,19 @@ pub fn close(faces: &mut [Vec<u32>]) -> Result<(), NotClosed> {
     Ok(())
 }
 
+/// The faces at the front of a list like that of a [`Polyhedron`], and what follows them; `None` if the list is cut.
+pub fn take_faces<T: Copy + TryInto<usize>>(list: &[T]) -> Option<(Vec<Vec<T>>, &[T])> {
+    let (&count, mut rest) = list.split_first()?;
+    let mut faces = Vec::new();
+    for _ in 0..count.try_into().ok()? {
+        let (&corners, after) = rest.split_first()?;
+        let (face, after) = after.split_at_checked(corners.try_into().ok()?)?;
+        faces.push(face.to_vec());
+        rest = after;
+    }
+    Some((faces, rest))
+}
+
 /// The faces of a polyhedron as a list: their number, then for each the number of its corners, and these.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Polyhedron<'a> {
@@ -126,6 +139,16 @@ mod tests {
             edges.dedup();
             assert_eq!(edges.len(), 24, "each edge once in each direction");
         }
+    }
+
+    #[test]
+    fn lists_of_faces_are_taken_from_the_front_and_cut_ones_refused() {
+        let list = [2u64, 3, 7, 8, 9, 4, 1, 2, 3, 4, 5];
+        assert_eq!(take_faces(&list), Some((vec![vec![7, 8, 9], vec![1, 2, 3, 4]], &[5][..])));
+        for cut in 0..list.len() - 1 {
+            assert_eq!(take_faces(&list[..cut]), None, "{cut}");
+        }
+        assert_eq!(take_faces(&[u64::MAX, u64::MAX, 0]), None);
     }
 
     #[test]

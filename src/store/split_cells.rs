@@ -5,6 +5,7 @@ use super::layout::{self, MESH};
 use super::mesh::{ArrayWriter, column};
 use crate::codec::{Chunking, ElementType, ReadRange};
 use crate::error::{FileError, FileResult};
+use crate::mesh::polyhedron::take_faces;
 use crate::mesh::{POLYHEDRON_VTK_TYPE, Solid, SolidShape, SplitCells};
 use serde_json::Map;
 use std::path::Path;
@@ -70,9 +71,12 @@ pub(super) fn read(root: &Path, source: &dyn ReadRange, vertices: u64) -> FileRe
     let (mut rest, mut faces) = (corners.as_slice(), faces.as_slice());
     for (cell, &number) in types.iter().enumerate() {
         if number == POLYHEDRON_VTK_TYPE {
-            let of_cell = take_faces(&mut faces).filter(|of_cell| of_cell.iter().flatten().all(is_vertex));
-            let of_cell = of_cell.ok_or_else(|| invalid(FACES, format!("has no faces of split cell {cell}")))?;
+            let is_sound = |of_cell: &[Vec<u32>]| !of_cell.is_empty() && of_cell.iter().flatten().all(is_vertex);
+            let (of_cell, after) = take_faces(faces)
+                .filter(|(of_cell, _)| is_sound(of_cell))
+                .ok_or_else(|| invalid(FACES, format!("has no faces of split cell {cell}")))?;
             cells.solids.push_polyhedron(of_cell.iter().map(Vec::as_slice));
+            faces = after;
             continue;
         }
         let shape = SolidShape::ALL.into_iter().find(|shape| shape.vtk_type() == number);
@@ -90,18 +94,4 @@ pub(super) fn read(root: &Path, source: &dyn ReadRange, vertices: u64) -> FileRe
         }
     }
     Ok(cells)
-}
-
-/// Takes the faces of a polyhedron from the front of a list; `None` if it is cut.
-fn take_faces(list: &mut &[u32]) -> Option<Vec<Vec<u32>>> {
-    let (&count, mut rest) = list.split_first()?;
-    let mut faces = Vec::new();
-    for _ in 0..count {
-        let (&corners, after) = rest.split_first()?;
-        let (face, after) = after.split_at_checked(corners as usize)?;
-        faces.push(face.to_vec());
-        rest = after;
-    }
-    *list = rest;
-    (!faces.is_empty()).then_some(faces)
 }

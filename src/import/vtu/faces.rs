@@ -1,13 +1,13 @@
 //! Faces of the polyhedra of `.vtu` files.
 //!
 //! Files of version 2.3 (VTK 9.4) list faces and say which each cell has: `face_connectivity`, `face_offsets`, `polyhedron_to_faces`,
-//! `polyhedron_offsets`. Older ones have for each polyhedron the number of its faces, and for each face the number of its corners and these:
-//! `faces`, with the end of each cell's list in `faceoffsets`, -1 for a cell without one.
+//! `polyhedron_offsets`. Older ones have for each polyhedron the number of its faces, and for each face the number of its corners and
+//! these: `faces`, with the end of each cell's list in `faceoffsets`, -1 for a cell without one.
 
-use super::super::cells::take_faces;
 use super::cells::indices;
 use super::{ArrayInfo, Piece, VtuFile};
 use crate::error::{FileError, FileResult};
+use crate::mesh::polyhedron::take_faces;
 
 /// Names of the arrays.
 pub(super) const FACE_ARRAYS: [&str; 6] =

@@ -1,6 +1,6 @@
 //! One step: the grids that make up its mesh, and the fields on them.
 
-use super::super::cells::{GridReader, Kind, kind, name_of, refuse_solid, take_faces};
+use super::super::cells::{GridReader, Kind, kind, name_of, refuse_solid};
 use super::super::numbers::Values;
 use super::super::series::StepReader;
 use super::grid::{Attribute, CELL_TYPES, CellShape, Geometry, Grid, Topology};
@@ -8,6 +8,7 @@ use super::items::{Item, ItemBytes};
 use super::tree::Document;
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, FieldInfo};
+use crate::mesh::polyhedron::take_faces;
 use glam::DVec3;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
