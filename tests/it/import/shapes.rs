@@ -479,9 +479,9 @@ fn a_dirty_mesh_of_all_shapes_has_the_right_report_and_is_drawn_as_the_judge_dra
     }
 }
 
-/// A cube that is a polyhedron, one side of which is refined: four quadrilaterals, the midpoints of whose outer edges lie in the pentagons
-/// around; and the four cubes beside it.
-fn refined() -> Grid {
+/// A cube that is a polyhedron, one side of which is refined: `n` by `n` quadrilaterals, the ends of whose outer edges lie on edges of the
+/// faces around; and the cubes beside them.
+fn refined(n: u32) -> Grid {
     let mut points: Vec<[f64; 3]> = Vec::new();
     let mut at = |p: [f64; 3]| {
         points.iter().position(|q| *q == p).unwrap_or_else(|| {
@@ -489,45 +489,68 @@ fn refined() -> Grid {
             points.len() - 1
         })
     };
-    let mut quads = Vec::new();
+    let end = f64::from(n);
+    let mut faces = Vec::new();
     let mut cells = Vec::new();
-    for (y, z) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+    for i in 0..n * n {
+        let (y, z) = (f64::from(i % n), f64::from(i / n));
         let square = |x: f64| [[x, y, z], [x, y + 1.0, z], [x, y + 1.0, z + 1.0], [x, y, z + 1.0]];
-        quads.push(square(2.0).map(&mut at).to_vec());
-        cells.push((12, [square(2.0), square(3.0)].concat().into_iter().map(&mut at).collect()));
+        faces.push(square(end).map(&mut at).to_vec());
+        cells.push((12, [square(end), square(end + 1.0)].concat().into_iter().map(&mut at).collect()));
     }
-    let mut face = |corners: &[[f64; 3]]| corners.iter().map(|&p| at(p)).collect::<Vec<usize>>();
-    let mut faces = vec![
-        face(&[[0.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 2.0, 2.0], [0.0, 0.0, 2.0]]),
-        face(&[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 1.0, 0.0], [2.0, 2.0, 0.0], [0.0, 2.0, 0.0]]),
-        face(&[[0.0, 0.0, 2.0], [2.0, 0.0, 2.0], [2.0, 1.0, 2.0], [2.0, 2.0, 2.0], [0.0, 2.0, 2.0]]),
-        face(&[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 0.0, 1.0], [2.0, 0.0, 2.0], [0.0, 0.0, 2.0]]),
-        face(&[[0.0, 2.0, 0.0], [2.0, 2.0, 0.0], [2.0, 2.0, 1.0], [2.0, 2.0, 2.0], [0.0, 2.0, 2.0]]),
-    ];
-    faces.extend(quads);
+    faces.push([[0.0, 0.0, 0.0], [0.0, end, 0.0], [0.0, end, end], [0.0, 0.0, end]].map(&mut at).to_vec());
+    for other in [0.0, end] {
+        for axis in [1, 2] {
+            let mut face = |x: f64, along: f64| {
+                let mut p = [x, other, other];
+                p[axis] = along;
+                at(p)
+            };
+            let edge: Vec<usize> = (0..=n).map(|i| face(end, f64::from(i))).collect();
+            faces.push([edge, vec![face(0.0, end), face(0.0, 0.0)]].concat());
+        }
+    }
     cells.push((42, (0..points.len()).collect()));
     Grid {
         point_arrays: vec![("T", 1, (0..points.len()).map(|i| i as f64).collect())],
-        cell_arrays: vec![("c", 1, (0..5).map(f64::from).collect())],
-        faces: vec![(4, faces)],
+        cell_arrays: vec![("c", 1, (0..cells.len()).map(|i| i as f64).collect())],
+        faces: vec![(cells.len() - 1, faces)],
         points,
         cells,
         ..Grid::default()
     }
 }
 
+/// The report of such a mesh with its points in another order, and the number of triangles on its outside.
+fn report_of_refined(n: u32, seed: usize) -> (RepairReport, u64) {
+    let original = refined(n);
+    let mut grid = shuffled(&original, seed);
+    // The numbers of the faces' corners follow the points.
+    let new = |old: &usize| grid.points.iter().position(|p| *p == original.points[*old]).expect("a point");
+    let renumbered = original.faces[0].1.iter().map(|face| face.iter().map(new).collect()).collect();
+    grid.faces = vec![(original.faces[0].0, renumbered)];
+    let (mesh, report) = build(&grid);
+    let n = u64::from(n);
+    assert!((volume_of(&mesh) / (n * n * n + n * n) as f64 - 1.0).abs() < 1e-12);
+    // The coarse cube: a side of 2 triangles and four polygons; the others: four sides of n squares, and one of n by n.
+    (report, 2 + 4 * (n + 1) + 2 * (4 * n + n * n))
+}
+
 #[test]
 fn polyhedra_with_hanging_nodes_leave_no_face_open_however_points_are_numbered() {
     for seed in 0..60 {
-        let mut grid = shuffled(&refined(), seed);
-        // The numbers of the faces' corners follow the points.
-        let original = refined();
-        let new = |old: usize| grid.points.iter().position(|p| *p == original.points[old]).expect("a point");
-        grid.faces = vec![(4, original.faces[0].1.iter().map(|face| face.iter().map(|&i| new(i)).collect()).collect())];
-        let (mesh, report) = build(&grid);
-        // The coarse cube: a side of 2 triangles and four pentagons of 3; each of the others: three sides of 2.
-        assert_eq!((report.boundary_faces, report.parts), (2 + 4 * 3 + 4 * 6, 1), "seed {seed}");
+        let (report, outside) = report_of_refined(2, seed);
+        assert_eq!((report.boundary_faces, report.parts), (outside, 1), "seed {seed}");
         assert_eq!((report.zero_volume, report.gapped_cells, report.flipped, report.warped_cells), (0, 0, 0, 0));
-        assert!((volume_of(&mesh) - 12.0).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn polyhedra_that_leave_inner_faces_open_are_counted() {
+    for seed in 0..10 {
+        let (report, outside) = report_of_refined(3, seed);
+        assert!(report.boundary_faces > outside, "seed {seed}: no vertex is one of all nine faces");
+        assert_eq!((report.zero_volume, report.gapped_cells), (0, 1), "seed {seed}");
+        assert!(report.to_string().contains("which may leave inner faces open: 1"), "{report}");
     }
 }
