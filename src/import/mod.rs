@@ -49,13 +49,13 @@ pub fn open(path: &Path) -> FileResult<Box<dyn SeriesSource>> {
 pub fn files(path: &Path) -> FileResult<Vec<PathBuf>> {
     let mut files = vec![path.to_owned()];
     if let Some(format) = Format::of(path) {
-        files.extend((format.files)(path)?);
+        files.extend((format.files)(path)?.into_iter().filter(|file| file != path));
     }
     Ok(files)
 }
 
-/// Opens several files of one format as one series, in natural order of their names (2 before 10): each `.vtu`, `.pvtu` or `.vtm` file is a step, XDMF files
-/// have different fields on the same mesh at the same times.
+/// Opens several files of one format as one series, in natural order of their names (2 before 10): each `.vtu`, `.pvtu` or `.vtm` file
+/// is a step, XDMF files have different fields on the same mesh at the same times.
 ///
 /// # Errors
 /// As for [`open`]; if `paths` is empty; if the files are of different formats, or of one that cannot be joined.
