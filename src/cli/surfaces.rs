@@ -189,9 +189,8 @@ fn check_regions(look: &SurfaceLook, series: &Series) -> anyhow::Result<()> {
             regions.field
         );
     }
-    let is_met = |[least, greatest]: [f32; 2]| regions.values.iter().any(|&[from, to]| from <= greatest && least <= to);
     match of.field().range {
-        Some(range) if !is_met(range) => {
+        Some(range) if !regions.meet(range) => {
             bail!(
                 "--regions {regions}: no cell has such a value; those of '{}' go from {} to {}",
                 regions.field,

@@ -21,6 +21,11 @@ impl Regions {
         self.values.iter().any(|&[from, to]| from <= value && value <= to)
     }
 
+    /// Whether some value of a range, from least to greatest, is shown.
+    pub fn meet(&self, [least, greatest]: [f32; 2]) -> bool {
+        self.values.iter().any(|&[from, to]| from <= greatest && least <= to)
+    }
+
     /// The regions of a field whose values are given as text: `VALUE,FROM..TO,...`.
     ///
     /// # Errors
@@ -91,6 +96,8 @@ mod tests {
         let regions: Regions = "block=0,3..5".parse().unwrap();
         assert_eq!((regions.field.as_str(), &regions.values[..]), ("block", &[[0.0, 0.0], [3.0, 5.0]][..]));
         assert!([0.0, 3.0, 4.5, 5.0].iter().all(|value| regions.show(*value)));
+        assert!(regions.meet([-1.0, 0.0]) && regions.meet([4.0, 4.5]) && regions.meet([-9.0, 9.0]));
+        assert!(!regions.meet([0.5, 2.5]) && !regions.meet([6.0, 7.0]));
         assert!(![-0.1, 0.1, 5.1, f32::NAN, f32::INFINITY].iter().any(|value| regions.show(*value)));
         // Fields have 0.7 and 0.1 as f32, which are below and above.
         let regions: Regions = "phase=0.1,0.7..1".parse().unwrap();

@@ -42,8 +42,7 @@ fn values(ui: &mut Ui, shown: &mut Regions, range: Option<[f32; 2]>) {
         Ok(regions) => *shown = regions,
         Err(problem) => _ = ui.label(problem),
     }
-    let is_empty = |range: [f32; 2]| !shown.values.iter().any(|&[from, to]| from <= range[1] && range[0] <= to);
-    if range.is_some_and(is_empty) {
+    if range.is_some_and(|range| !shown.meet(range)) {
         ui.label("No cell has such a value");
     }
     ui.data_mut(|data| data.insert_temp(id, (shown.clone(), text)));
