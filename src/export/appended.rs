@@ -75,33 +75,16 @@ impl<'a> Appended<'a> {
         self.blocks.push(Box::new(move |out| block(out, count, values)));
     }
 
-    /// Adds the fields of points or of cells, and checks their names.
-    pub fn fields(
-        &mut self,
-        tag: &str,
-        of: Association,
-        fields: &'a [Values],
-        tuples: usize,
-        path: &Path,
-    ) -> FileResult<()> {
-        self.open(tag);
-        self.fields_within(tag, of, fields, tuples, path)
-    }
-
-    /// Begins an element of the head.
-    pub fn open(&mut self, tag: &str) {
+    /// Adds an element to the head, and what `add` adds within.
+    pub fn element(&mut self, tag: &str, add: impl FnOnce(&mut Self) -> FileResult<()>) -> FileResult<()> {
         self.text += &format!("<{tag}>\n");
+        add(self)?;
+        self.text += &format!("</{tag}>\n");
+        Ok(())
     }
 
-    /// As [`Self::fields`], in an element that has begun, which ends with them.
-    pub fn fields_within(
-        &mut self,
-        tag: &str,
-        of: Association,
-        fields: &'a [Values],
-        tuples: usize,
-        path: &Path,
-    ) -> FileResult<()> {
+    /// Adds the fields of points or of cells, and checks their names.
+    pub fn fields(&mut self, of: Association, fields: &'a [Values], tuples: usize, path: &Path) -> FileResult<()> {
         for field in fields.iter().filter(|f| f.info.association == of) {
             let name = xml::attribute(&field.info.name).ok_or_else(|| {
                 let place = format!("field '{}'", field.info.name.escape_debug());
@@ -110,7 +93,6 @@ impl<'a> Appended<'a> {
             })?;
             self.array("Float32", &name, (field.info.components, tuples), interleaved(field));
         }
-        self.text += &format!("</{tag}>\n");
         Ok(())
     }
 

@@ -22,12 +22,13 @@ pub(super) fn write(path: &Path, surface: &StepSurface) -> FileResult<u64> {
         "<Piece NumberOfPoints=\"{point_count}\" NumberOfVerts=\"0\" NumberOfLines=\"0\" NumberOfStrips=\"0\" \
          NumberOfPolys=\"{polys}\">\n"
     );
-    file.fields("PointData", Association::Point, &surface.fields, point_count, path)?;
-    file.open("CellData");
-    if surface.is_isosurface {
-        file.array("Float64", ISOVALUE, (1, polys), isovalues.iter().map(|v| v.to_le_bytes()));
-    }
-    file.fields_within("CellData", Association::Cell, &surface.fields, polys, path)?;
+    file.element("PointData", |file| file.fields(Association::Point, &surface.fields, point_count, path))?;
+    file.element("CellData", |file| {
+        if surface.is_isosurface {
+            file.array("Float64", ISOVALUE, (1, polys), isovalues.iter().map(|v| v.to_le_bytes()));
+        }
+        file.fields(Association::Cell, &surface.fields, polys, path)
+    })?;
     file.text += "<Points>\n";
     let coordinates = points.iter().flat_map(|p| p.to_array()).map(f64::to_le_bytes);
     file.array("Float64", "Points", (3, point_count), coordinates);

@@ -25,8 +25,8 @@ pub(super) fn write(path: &Path, mesh: &RawMesh, time: f64, fields: &[Values]) -
     let (points, cells) = (&mesh.points, &mesh.cells);
     let mut file = Appended::begin("UnstructuredGrid", time);
     file.text += &format!("<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">\n", points.len(), cells.len());
-    file.fields("PointData", Association::Point, fields, points.len(), path)?;
-    file.fields("CellData", Association::Cell, fields, cells.len(), path)?;
+    file.element("PointData", |file| file.fields(Association::Point, fields, points.len(), path))?;
+    file.element("CellData", |file| file.fields(Association::Cell, fields, cells.len(), path))?;
     file.text += "<Points>\n";
     let coordinates = points.iter().flat_map(|p| p.to_array()).map(f64::to_le_bytes);
     file.array("Float64", "Points", (3, points.len()), coordinates);
