@@ -148,6 +148,8 @@ pub(super) struct VertexBuffers {
     values: Option<VertexValues>,
     gradients: Option<GradientsSent>,
     cells: Option<CellScalarsSent>,
+    /// Memory for the scalars of cells as they are sent.
+    cell_words: Vec<f32>,
 }
 
 /// The scalars of cells that have been sent, and the map through which shaders see them.
@@ -175,6 +177,7 @@ impl VertexBuffers {
             values: None,
             gradients: None,
             cells: None,
+            cell_words: Vec::new(),
         }
     }
 
@@ -262,8 +265,8 @@ impl VertexBuffers {
         (self.values, self.gradients, self.cells) = (None, None, None);
         // A hole is in no active cell.
         let seen = |&scalar: &f32| if scalar.is_finite() { map.seen(scalar) } else { 0.0 };
-        let words: Vec<f32> = scalars.par_iter().map(seen).collect();
-        let sent = self.vertices.write(context, begin, bytemuck::cast_slice(&words))?;
+        scalars.par_iter().map(seen).collect_into_vec(&mut self.cell_words);
+        let sent = self.vertices.write(context, begin, bytemuck::cast_slice(&self.cell_words))?;
         self.cells = Some(CellScalarsSent { of: Arc::downgrade(scalars), map });
         Ok((made, sent))
     }
