@@ -66,7 +66,8 @@ struct Last {
 }
 
 impl ActiveCells {
-    /// Finds the cells that are visible where the table is not `transparent`; `None` if `cancel` was raised meanwhile. `clusters`: those of the mesh. `known` goes with the transparent intervals: the label of each cluster of vertices whose scalars must
+    /// Finds the cells that are visible where the table is not `transparent`; `None` if `cancel` was raised meanwhile. `clusters`: those of
+    /// the mesh. `known` goes with the transparent intervals: the label of each cluster of vertices whose scalars must
     /// not be read, as [`TransparentIntervals::label_of_range`] gives it, for a range that holds all of its scalars; empty for none.
     ///
     /// With `forget`, nothing is reused from before.
