@@ -29,7 +29,7 @@ impl TimeAxis {
 }
 
 /// Whether vertices or cells have the values of a field.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Association {
     /// One value per vertex.
@@ -39,7 +39,7 @@ pub enum Association {
 }
 
 /// A field that a source offers.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct FieldInfo {
     /// Name as in the file.
     pub name: String,

@@ -18,6 +18,7 @@ mod joined;
 mod names;
 mod numbers;
 mod parts;
+mod pieces;
 mod pvd;
 mod series;
 mod vtu;

@@ -139,6 +139,19 @@ fn is_decorated_nan(word: &str) -> bool {
     word.get(..4).is_some_and(|head| head.eq_ignore_ascii_case("nan("))
 }
 
+/// The bytes of an array and their type.
+pub(super) struct Numbers {
+    pub(super) number: Number,
+    pub(super) big_endian: bool,
+    pub(super) bytes: Vec<u8>,
+}
+
+impl Numbers {
+    pub(super) fn values(&self) -> Values<'_> {
+        Values { number: self.number, big_endian: self.big_endian, bytes: &self.bytes }
+    }
+}
+
 /// Numbers in a byte buffer.
 #[derive(Clone, Copy)]
 pub(super) struct Values<'a> {

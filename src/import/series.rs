@@ -2,7 +2,7 @@
 
 use super::cache::StepCache;
 use super::cells::GridReader;
-use super::numbers::Values;
+use super::pieces::{Piece, decode, fields_of};
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, FieldInfo, SeriesSource, TimeAxis};
 use crate::mesh::{RawMesh, gather};
@@ -15,8 +15,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub(super) trait StepReader: Send + Sync + Sized {
     /// Location of a step, from which it is opened.
     type Origin: Send + Sync;
-    /// The decoded arrays of a field.
-    type Decoded: Send + Sync;
+    /// The pieces of its mesh.
+    type Piece: Piece;
 
     /// Opens a step and reads its list of arrays.
     fn open(origin: &Self::Origin) -> FileResult<Self>;
@@ -24,21 +24,39 @@ pub(super) trait StepReader: Send + Sync + Sized {
     fn path(&self) -> &Path;
     /// Bytes of memory that the step takes.
     fn bytes(&self) -> usize;
-    /// Whether points on borders between its pieces are duplicated.
-    fn is_in_pieces(&self) -> bool;
+    /// The pieces that have points or cells.
+    fn pieces(&self) -> &[Self::Piece];
+
     /// Number of points, and of cells of any kind.
-    fn counts(&self) -> FileResult<(usize, usize)>;
+    fn counts(&self) -> (usize, usize) {
+        self.pieces().iter().map(Piece::counts).fold((0, 0), |(points, cells), (more_points, more_cells)| {
+            (points.saturating_add(more_points), cells.saturating_add(more_cells))
+        })
+    }
+
     /// Reads the mesh.
-    fn read_grid(&self) -> FileResult<GridReader>;
+    ///
+    /// # Errors
+    /// If it is damaged, or has cells that are not read.
+    fn read_grid(&self) -> FileResult<GridReader> {
+        let mut grid = GridReader::default();
+        self.pieces().iter().try_for_each(|piece| piece.add_to(&mut grid))?;
+        Ok(grid)
+    }
+
     /// A hash of the stored mesh: equal hashes are equal meshes, other hashes may be.
-    fn stored_hash(&self) -> FileResult<u64>;
-    /// The fields that all pieces have, and the names of other arrays, each with the reason why it is left out.
-    fn fields(&self) -> (Vec<FieldInfo>, Vec<String>);
-    /// Reads a field with all its components; `step` is for messages.
-    fn decode(&self, field: &FieldInfo, step: usize) -> FileResult<Self::Decoded>;
-    /// The numbers of a decoded field, piece by piece.
-    fn values<'a>(&'a self, decoded: &'a Self::Decoded) -> Vec<Values<'a>>;
+    ///
+    /// # Errors
+    /// If it is damaged.
+    fn stored_hash(&self) -> FileResult<u64> {
+        let mut state = DefaultHasher::new();
+        self.pieces().iter().try_for_each(|piece| piece.hash_mesh(&mut state))?;
+        Ok(state.finish())
+    }
 }
+
+/// The decoded arrays of a field, one for each piece.
+type Arrays<S> = Vec<<<S as StepReader>::Piece as Piece>::Array>;
 
 /// A series of steps of one format.
 pub(super) struct Series<S: StepReader> {
@@ -56,7 +74,7 @@ pub(super) struct Series<S: StepReader> {
 /// A step in memory, and the field decoded last, for reading its components one after the other.
 struct Step<S: StepReader> {
     reader: S,
-    decoded: Mutex<Option<DecodedField<S::Decoded>>>,
+    decoded: Mutex<Option<DecodedField<Arrays<S>>>>,
 }
 
 struct DecodedField<D> {
@@ -104,10 +122,10 @@ impl<S: StepReader> Series<S> {
             .remedy("write a volume mesh: tetrahedra, hexahedra, wedges, pyramids, prisms or polyhedra"));
         }
         notes.extend(grid.notes());
-        if first.reader.is_in_pieces() {
+        if first.reader.pieces().len() > 1 {
             notes.push("the mesh comes in pieces: points on borders between them are kept apart".to_owned());
         }
-        let (fields, mut left_out) = first.reader.fields();
+        let (fields, mut left_out) = fields_of(first.reader.pieces());
         if !left_out.is_empty() {
             left_out.sort();
             left_out.dedup();
@@ -134,7 +152,7 @@ impl<S: StepReader> Series<S> {
 
     /// Fails unless the mesh of `loaded` is that of the first step. Its arrays are decoded only if their stored hash differs.
     fn check_mesh(&self, loaded: &S, step: usize) -> FileResult<()> {
-        let (points, cells) = loaded.counts()?;
+        let (points, cells) = loaded.counts();
         let changed = |what: String| {
             FileError::unsupported(
                 loaded.path(),
@@ -187,7 +205,8 @@ impl<S: StepReader> SeriesSource for Series<S> {
         let loaded = self.step(step)?;
         let decoded = loaded.field(field, step)?;
         let mut overflows = 0;
-        for values in loaded.reader.values(&decoded) {
+        for (piece, array) in loaded.reader.pieces().iter().zip(decoded.iter()) {
+            let values = piece.values(array);
             overflows += match component {
                 Component::Index(index) if index < field.components => values.component(field.components, index, out),
                 Component::Index(index) => {
@@ -233,15 +252,17 @@ impl<S: StepReader> Step<S> {
     }
 
     /// The decoded arrays of a field; cached until another field of this step is read.
-    fn field(&self, field: &FieldInfo, step: usize) -> FileResult<Arc<S::Decoded>> {
+    fn field(&self, field: &FieldInfo, step: usize) -> FileResult<Arc<Arrays<S>>> {
         let mut decoded = self.decoded.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(last) = decoded.as_ref()
             && (last.association, &last.name) == (field.association, &field.name)
         {
             return Ok(last.arrays.clone());
         }
-        let arrays = Arc::new(self.reader.decode(field, step)?);
-        let bytes = self.reader.values(&arrays).iter().map(|values| values.bytes.len()).sum();
+        let pieces = self.reader.pieces();
+        let arrays = pieces.iter().map(|piece| decode(piece, field, step)).collect::<FileResult<Arrays<S>>>()?;
+        let bytes = pieces.iter().zip(&arrays).map(|(piece, array)| piece.values(array).bytes.len()).sum();
+        let arrays = Arc::new(arrays);
         let (association, name) = (field.association, field.name.clone());
         *decoded = Some(DecodedField { association, name, arrays: arrays.clone(), bytes });
         Ok(arrays)

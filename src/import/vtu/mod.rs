@@ -50,9 +50,9 @@ impl VtuFile {
         Ok(Self { path: path.to_owned(), bytes, header })
     }
 
-    /// The pieces that have points or cells; others may lack arrays.
-    pub(super) fn pieces(&self) -> impl Iterator<Item = &Piece> {
-        self.header.pieces.iter().filter(|piece| piece.points > 0 || piece.cells > 0)
+    /// Piece `index`, which must be one of the header's.
+    fn piece(&self, index: usize) -> &Piece {
+        &self.header.pieces[index]
     }
 
     /// The number `TimeValue` of the field data, if there is one.

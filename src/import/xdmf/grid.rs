@@ -5,10 +5,11 @@ use super::items::Item;
 use super::tree::{Document, Id};
 use crate::error::FileResult;
 use crate::field::{Association, FieldInfo};
+use std::sync::Arc;
 
 /// A mesh, or a piece of one, with its fields.
-#[derive(Debug)]
-pub(super) struct Grid {
+pub(crate) struct Grid {
+    pub(super) document: Arc<Document>,
     pub(super) topology: Topology,
     pub(super) geometry: Geometry,
     pub(super) points: usize,
@@ -98,7 +99,7 @@ impl Grid {
     ///
     /// # Errors
     /// If it lacks topology or geometry, or these are of an unsupported kind.
-    pub(super) fn of(document: &Document, id: Id) -> FileResult<Self> {
+    pub(super) fn of(document: &Arc<Document>, id: Id) -> FileResult<Self> {
         let children = document.children(id)?;
         let one = |name: &str| {
             let found = children.iter().copied().find(|&child| document.name(child) == name);
@@ -106,7 +107,14 @@ impl Grid {
         };
         let topology = Topology::of(document, one("Topology")?)?;
         let (geometry, points) = geometry(document, one("Geometry")?)?;
-        let mut grid = Self { topology, geometry, points, attributes: Vec::new(), left_out: Vec::new() };
+        let mut grid = Self {
+            document: document.clone(),
+            topology,
+            geometry,
+            points,
+            attributes: Vec::new(),
+            left_out: Vec::new(),
+        };
         for &child in children.iter().filter(|&&child| document.name(child) == "Attribute") {
             grid.add_attribute(document, child);
         }

@@ -2,8 +2,8 @@
 //!
 //! The file is reopened for each data set: the reader caches decoded data sets while it is open, so a series would accumulate in memory.
 
-use super::super::numbers::{Number, with_type};
-use super::items::{ItemBytes, SlabAxis, product};
+use super::super::numbers::{Number, Numbers, with_type};
+use super::items::{SlabAxis, product};
 use crate::error::{FileError, FileResult};
 use crate::files;
 use hdf5_reader::error::ByteOrder;
@@ -20,7 +20,7 @@ const UNWRITTEN_MAX: u64 = 64 << 20;
 ///
 /// # Errors
 /// If there is no such file or data set, it is damaged, has another shape, is not numeric, or has an unsupported encoding.
-pub(super) fn read(path: &Path, name: &str, dims: &[u64], slab: Option<&[SlabAxis]>) -> FileResult<ItemBytes> {
+pub(super) fn read(path: &Path, name: &str, dims: &[u64], slab: Option<&[SlabAxis]>) -> FileResult<Numbers> {
     let place = || format!("data set '{name}'");
     let damaged = |e: hdf5_reader::error::Error| failure(path, place(), &e);
     files::check_kind(path)?;
@@ -42,11 +42,11 @@ pub(super) fn read(path: &Path, name: &str, dims: &[u64], slab: Option<&[SlabAxi
     }
     let Some(slab) = slab else {
         let bytes = dataset.read_raw_bytes().map_err(damaged)?;
-        return Ok(ItemBytes { number, big_endian, bytes });
+        return Ok(Numbers { number, big_endian, bytes });
     };
     let selection = selection(slab, dataset.shape()).map_err(invalid)?;
     let bytes = read_slab(&dataset, number, &selection).map_err(damaged)?;
-    Ok(ItemBytes { number, big_endian: false, bytes })
+    Ok(Numbers { number, big_endian: false, bytes })
 }
 
 /// The reader's error as a [`FileError`], by kind.

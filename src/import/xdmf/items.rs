@@ -1,6 +1,6 @@
 //! `DataItem` elements: locating and reading the numbers of an array.
 
-use super::super::numbers::{Number, Values, parse_ascii};
+use super::super::numbers::{Number, Numbers, parse_ascii};
 use super::hdf;
 use super::tree::{DEPTH_MAX, Document, Id};
 use crate::error::{FileError, FileResult};
@@ -56,19 +56,6 @@ impl SlabAxis {
             None => Some(self.start),
             Some(steps) => steps.checked_mul(self.stride)?.checked_add(self.start)?.checked_add(1),
         }
-    }
-}
-
-/// The bytes of an array and their type.
-pub(crate) struct ItemBytes {
-    pub(super) number: Number,
-    pub(super) big_endian: bool,
-    pub(super) bytes: Vec<u8>,
-}
-
-impl ItemBytes {
-    pub(super) fn values(&self) -> Values<'_> {
-        Values { number: self.number, big_endian: self.big_endian, bytes: &self.bytes }
     }
 }
 
@@ -193,7 +180,7 @@ impl Item {
     ///
     /// # Errors
     /// If the file is missing or damaged, or holds other data.
-    pub(super) fn read(&self, document: &Document) -> FileResult<ItemBytes> {
+    pub(super) fn read(&self, document: &Document) -> FileResult<Numbers> {
         let (number, big_endian) = (self.number, self.big_endian);
         waste(Slow::ReadXdmf, self.len().unwrap_or(0) as usize);
         let array = match &self.source {
@@ -211,16 +198,16 @@ impl Item {
                     );
                 }
                 // Text was parsed to little-endian bytes.
-                ItemBytes { number, big_endian: false, bytes }
+                Numbers { number, big_endian: false, bytes }
             }
             Source::Binary { file, seek } => {
                 let bytes = read_binary(file, *seek, product(&self.source_dims), number.size())?;
-                ItemBytes { number, big_endian, bytes }
+                Numbers { number, big_endian, bytes }
             }
         };
         Ok(match &self.slab {
             None => array,
-            Some(slab) => ItemBytes { bytes: select(&array.bytes, number.size(), &self.source_dims, slab), ..array },
+            Some(slab) => Numbers { bytes: select(&array.bytes, number.size(), &self.source_dims, slab), ..array },
         })
     }
 }
