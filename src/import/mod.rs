@@ -12,9 +12,11 @@
 //! A reader yields a [`SeriesSource`]; another format is a folder here and a line of [`FORMATS`].
 
 mod cache;
+mod cell_list;
 mod cells;
 mod format;
 mod joined;
+mod lattice;
 mod names;
 mod numbers;
 mod parts;

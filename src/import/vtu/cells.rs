@@ -1,15 +1,12 @@
 //! Points and cells of `.vtu` files.
 
-use super::super::cells::{GridReader, Kind, kind_of, name_of, refuse_solid};
+use super::super::cell_list::{CellList, GHOST_ARRAY};
+use super::super::cells::GridReader;
 use super::faces::FacesOfCells;
 use super::{ArrayInfo, Piece, VtuFile};
 use crate::error::{FileError, FileResult};
 use crate::mesh::POLYHEDRON_VTK_TYPE;
 use glam::DVec3;
-
-/// Bits of the cell array `vtkGhostType` that drop a cell: a duplicate of another piece's, refined, or hidden
-/// (`vtkDataSetAttributes::CellGhostTypes`).
-const GHOST_BITS: u64 = 1 | 8 | 32;
 
 /// Adds a piece of `file` to `grid`.
 ///
@@ -54,53 +51,16 @@ fn add_cells(grid: &mut GridReader, file: &VtuFile, piece: &Piece, first_point: 
     let ghosts = ghost_flags(file, piece)?;
     let has_polyhedra = types.contains(&u64::from(POLYHEDRON_VTK_TYPE));
     let faces = if has_polyhedra { Some(FacesOfCells::read(file, piece)?) } else { None };
-    let mut faces = faces.as_ref().map(|faces| faces.of_cells(piece.cells));
-    let mut begin = 0;
-    for (i, (&cell_type, &end)) in types.iter().zip(&offsets).enumerate() {
-        // In range: offsets do not decrease, and the last is the length.
-        let vertices = &connectivity[begin..end as usize];
-        begin = end as usize;
-        let of_cell = faces.as_mut().and_then(Iterator::next);
-        if ghosts.get(i).is_some_and(|flags| flags & GHOST_BITS != 0) {
-            grid.ghosts += 1;
-            continue;
-        }
-        let bad_cell = |problem: String| file.invalid(connectivity_array, connectivity_array.byte, problem);
-        match read_type(file, i, cell_type)? {
-            (flat, Kind::Flat) => grid.skip(flat, 1),
-            (_, Kind::Polyhedron) => {
-                let invalid = |problem: String| FileError::invalid(&file.path, format!("cell {i}"), problem);
-                let faces = of_cell.unwrap_or(Ok(None)).map_err(|problem| invalid(problem.to_owned()))?;
-                let faces = faces.ok_or_else(|| invalid("is a polyhedron without faces".to_owned()))?;
-                grid.push_polyhedron(&file.path, i, &faces, piece.points, first_point).map_err(invalid)?;
-            }
-            read => grid.push(i, read, vertices, piece.points, first_point).map_err(bad_cell)?,
-        }
-    }
-    Ok(())
-}
-
-/// The VTK type of a cell that is read or skipped, and its kind. Any other type is an error.
-fn read_type(file: &VtuFile, cell: usize, cell_type: u64) -> FileResult<(u8, Kind)> {
-    let place = || format!("cell {cell}");
-    match kind_of(cell_type) {
-        Some((number, Kind::Unread)) => {
-            Err(refuse_solid(&file.path, place(), &format!("is of type {number} ({})", name_of(number))))
-        }
-        Some(read) => Ok(read),
-        None => {
-            Err(FileError::invalid(&file.path, place(), format!("is of type {cell_type}, which VTK does not know")))
-        }
-    }
+    let place = format!("array 'connectivity' (data at byte {})", connectivity_array.byte);
+    let (types, ends, connectivity, ghosts) = (&types[..], &offsets[..], &connectivity[..], &ghosts[..]);
+    let list = CellList { path: &file.path, place: &place, types, ends, connectivity, ghosts };
+    list.add_to(grid, faces.iter().flat_map(|faces| faces.of_cells(piece.cells)), (piece.points, first_point))
 }
 
 fn ghost_flags(file: &VtuFile, piece: &Piece) -> FileResult<Vec<u64>> {
     let array = piece.cell_data.iter().find(|array| array.name == GHOST_ARRAY && array.components == 1);
     array.map_or(Ok(Vec::new()), |array| indices(file, array, piece.cells))
 }
-
-/// The cell array in which parallel writers flag duplicates.
-pub(crate) const GHOST_ARRAY: &str = "vtkGhostType";
 
 pub(super) fn indices(file: &VtuFile, array: &ArrayInfo, count: usize) -> FileResult<Vec<u64>> {
     let bytes = file.decode(array, count)?;

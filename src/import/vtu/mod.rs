@@ -109,7 +109,7 @@ impl VtuFile {
     /// Hashes the mesh arrays of `piece` as stored, undecoded: equal bytes are equal meshes, other bytes may be.
     pub(super) fn hash_stored_mesh(&self, piece: &Piece, state: &mut impl Hasher) -> FileResult<()> {
         let points = piece.coordinates.iter().filter(|_| piece.points > 0);
-        let ghosts = piece.cell_data.iter().filter(|array| array.name == cells::GHOST_ARRAY);
+        let ghosts = piece.cell_data.iter().filter(|array| array.name == super::cell_list::GHOST_ARRAY);
         let cells = [&piece.connectivity, &piece.offsets, &piece.types].into_iter().flatten().chain(ghosts);
         let cells = cells.chain(&piece.face_arrays);
         for array in points.chain(cells.filter(|_| piece.cells > 0)) {
