@@ -14,7 +14,7 @@
 //! | 2 | [`transfer`], [`optics`] |
 //! | 3 | [`codec`], [`visibility`] |
 //! | 3b | [`lod`] |
-//! | 4 | [`store`], [`import`], [`synth`] |
+//! | 4 | [`store`], [`import`], [`synth`], [`calculator`] |
 //! | 5 | [`ingest`], [`render`] |
 //! | 6 | [`pipeline`] |
 //! | 7a | [`look`], [`playback`] |
@@ -27,6 +27,7 @@
 //! `docs/architecture.md` follows a frame through them; `examples/render_one.rs` is the shortest complete use.
 
 pub mod bench;
+pub mod calculator;
 pub mod camera;
 #[cfg(feature = "cli")]
 pub mod cli;

@@ -1,13 +1,15 @@
 //! `tetreel import --append`: adds new steps, once or repeatedly.
 
-use super::import::Args;
+use super::import::{Args, source};
 use super::progress::Terminal;
 use super::{Outcome, print_result, steps};
+use crate::field::FieldSelector;
 use crate::import;
 use crate::ingest::{
     AppendOptions, AppendReport, CodecChoice, IngestError, IngestOptions, IngestReport, StepRange, append, ingest,
     plan_append,
 };
+use crate::store::Store;
 use crate::task::Progress;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
@@ -33,7 +35,7 @@ enum Done {
 impl Job<'_> {
     /// Prints what would be added.
     pub(super) fn plan(&self, terminal: &Terminal) -> anyhow::Result<Outcome> {
-        let series = import::open_many(&self.args.sources)?;
+        let series = source(self.args, &self.stored())?;
         let steps = steps::within_series(self.args.steps, series.times().len(), terminal);
         let plan = plan_append(&*series, self.output, &self.append_options(steps))?;
         print_result(self.args.json, &plan, &format!("{plan}\nnothing was written"))?;
@@ -94,7 +96,7 @@ impl Job<'_> {
         cut: impl FnOnce(StepRange, usize, &Terminal) -> StepRange,
         terminal: &Terminal,
     ) -> Result<Done, IngestError> {
-        let series = import::open_many(&self.args.sources).map_err(IngestError::Source)?;
+        let series = source(self.args, &self.stored()).map_err(IngestError::Source)?;
         let steps = cut(self.args.steps, series.times().len(), terminal);
         let exists = || self.output.symlink_metadata().is_ok();
         let add = || {
@@ -119,6 +121,13 @@ impl Job<'_> {
             terminal.end();
         }
         result
+    }
+
+    /// The fields of the store, if there is one: quantities among them are calculated again.
+    fn stored(&self) -> Vec<FieldSelector> {
+        let store = Store::open(self.output).ok();
+        let names = store.iter().flat_map(|store| store.fields()).map(|field| field.name.parse());
+        names.filter_map(Result::ok).collect()
     }
 
     fn append_options(&self, steps: StepRange) -> AppendOptions {

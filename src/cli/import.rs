@@ -3,8 +3,10 @@
 use super::append::Job;
 use super::progress::Terminal;
 use super::{Outcome, print_result, steps};
+use crate::calculator::{Definition, calculated};
 use crate::codec::vq::MAX_ENTRIES;
 use crate::codec::{CODECS, codec_of};
+use crate::error::FileResult;
 use crate::field::{Association, FieldInfo, FieldSelector, SeriesSource};
 use crate::import::{self, Format};
 use crate::ingest::{CodecChoice, FieldUnits, IngestOptions, StepRange, check_fields, ingest};
@@ -25,6 +27,7 @@ const FOLLOW_MAX: f64 = 86_400.0;
     about = format!("Import a series ({}) into a store", Format::extensions()),
     after_help = "Example:\n  tetreel import run/case.pvd -o case.zarr --field T --field velocity:mag --units T=K\n  \
 tetreel import run/case.pvd -o small.zarr --codec vq --entries 1024\n  \
+tetreel import run/case.pvd -o case.zarr --define 'ke = 0.5*rho*mag(u)^2' --field ke --field u:vorticity\n  \
 tetreel import run/case.pvd -o case.zarr --append --follow    # while the simulation runs; Ctrl-C ends it"
 )]
 pub(super) struct Args {
@@ -35,9 +38,14 @@ pub(super) struct Args {
     /// The store to write
     #[arg(short, long, value_name = "NAME.zarr", required_unless_present = "dry_run")]
     output: Option<PathBuf>,
-    /// Field to import: NAME, NAME:mag or NAME:0 (again for more; default: all)
+    /// Field to import: NAME, NAME:mag or NAME:0, or a quantity of it: NAME:mises, :principal, :trace or :det of a tensor, NAME:divergence,
+    /// :vorticity or :q of a vector, NAME:gradient (again for more; default: all)
     #[arg(long = "field", value_name = "FIELD")]
     pub(super) fields: Vec<FieldSelector>,
+    /// Field to calculate, from others and those before it: NAME = EXPRESSION with + - * / ^, u[0], functions as in mag(u), coords, time
+    /// and pi; names with other characters in double quotes (again for more)
+    #[arg(long = "define", value_name = "NAME = EXPRESSION")]
+    pub(super) definitions: Vec<Definition>,
     /// Unit of a field, shown by info and on legends; that of a vector is also that of its components and magnitude
     /// (again for more)
     #[arg(long, value_name = "FIELD=UNIT")]
@@ -93,7 +101,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
 }
 
 fn import(args: &Args, codec: CodecChoice, terminal: &Terminal) -> anyhow::Result<Outcome> {
-    let series = import::open_many(&args.sources)?;
+    let series = source(args, &[])?;
     let (fields, units) = (args.fields.clone(), args.units.clone());
     let steps = steps::within_series(args.steps, series.times().len(), terminal);
     let (overwrite, cells_to_points) = (args.overwrite, args.cells_to_points);
@@ -107,6 +115,11 @@ fn import(args: &Args, codec: CodecChoice, terminal: &Terminal) -> anyhow::Resul
     let report = ingest(&*series, output, &options, terminal, &terminal.cancel)?;
     print_result(args.json, &report, &report)?;
     Ok(Outcome::Done)
+}
+
+/// The series of the arguments, with the fields that they define, and the quantities that these and `stored` fields are.
+pub(super) fn source(args: &Args, stored: &[FieldSelector]) -> FileResult<Box<dyn SeriesSource>> {
+    calculated(import::open_many(&args.sources)?, &args.definitions, &[&args.fields[..], stored].concat())
 }
 
 fn seconds(text: &str) -> Result<f64, String> {

@@ -127,6 +127,17 @@ pub trait SeriesSource: Sync {
     /// # Errors
     /// If the step cannot be read, lacks the field, or has another number of points or cells than the mesh.
     fn read(&self, field: &FieldInfo, component: Component, step: usize, out: &mut Vec<f32>) -> FileResult<()>;
+    /// [`Self::read`] without rounding to f32 what the source has more precisely.
+    ///
+    /// # Errors
+    /// As for [`Self::read`].
+    fn read_f64(&self, field: &FieldInfo, component: usize, step: usize, out: &mut Vec<f64>) -> FileResult<()> {
+        let mut narrow = Vec::new();
+        self.read(field, Component::Index(component), step, &mut narrow)?;
+        out.clear();
+        out.extend(narrow.into_iter().map(f64::from));
+        Ok(())
+    }
     /// Counts of skipped items (cells of lower dimension, say), one readable line each.
     fn notes(&self) -> Vec<String> {
         Vec::new()

@@ -61,6 +61,16 @@ impl Joined {
     }
 }
 
+impl Joined {
+    /// The source of a field.
+    fn owner(&self, field: &FieldInfo) -> FileResult<&dyn SeriesSource> {
+        let owner = self.fields.iter().position(|f| f == field).and_then(|i| self.sources.get(*self.owners.get(i)?));
+        owner
+            .map(AsRef::as_ref)
+            .ok_or_else(|| FileError::invalid(&self.description, format!("field '{}'", field.name), "does not exist"))
+    }
+}
+
 impl SeriesSource for Joined {
     fn describe(&self) -> String {
         self.description.clone()
@@ -83,10 +93,11 @@ impl SeriesSource for Joined {
     }
 
     fn read(&self, field: &FieldInfo, component: Component, step: usize, out: &mut Vec<f32>) -> FileResult<()> {
-        let owner = self.fields.iter().position(|f| f == field).and_then(|i| self.owners.get(i)).ok_or_else(|| {
-            FileError::invalid(&self.description, format!("field '{}'", field.name), "does not exist")
-        })?;
-        self.sources[*owner].read(field, component, step, out)
+        self.owner(field)?.read(field, component, step, out)
+    }
+
+    fn read_f64(&self, field: &FieldInfo, component: usize, step: usize, out: &mut Vec<f64>) -> FileResult<()> {
+        self.owner(field)?.read_f64(field, component, step, out)
     }
 
     fn notes(&self) -> Vec<String> {

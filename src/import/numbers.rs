@@ -193,6 +193,18 @@ impl Values<'_> {
         with_type!(self.number, T => run::<T>(self, components, component, out))
     }
 
+    /// Appends component `component` of tuples of `components` numbers to `out`.
+    pub(super) fn component_f64(self, components: usize, component: usize, out: &mut Vec<f64>) {
+        fn run<T: Scalar>(values: Values<'_>, components: usize, component: usize, out: &mut Vec<f64>) {
+            let size = size_of::<T>();
+            let of_tuple = |tuple: &[u8]| {
+                T::from_bytes(&tuple[component * size..(component + 1) * size], values.big_endian).to_f64()
+            };
+            out.extend(values.bytes.chunks_exact(size * components).map(of_tuple));
+        }
+        with_type!(self.number, T => run::<T>(self, components, component, out));
+    }
+
     /// As [`Values::component`] for the Euclidean norm of each tuple, computed in f64.
     pub(super) fn magnitude(self, components: usize, out: &mut Vec<f32>) -> u64 {
         fn run<T: Scalar>(values: Values<'_>, components: usize, out: &mut Vec<f32>) -> u64 {

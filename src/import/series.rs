@@ -203,16 +203,15 @@ impl<S: StepReader> SeriesSource for Series<S> {
     fn read(&self, field: &FieldInfo, component: Component, step: usize, out: &mut Vec<f32>) -> FileResult<()> {
         out.clear();
         let loaded = self.step(step)?;
+        if let Component::Index(index) = component {
+            check_component(field, index, loaded.reader.path())?;
+        }
         let decoded = loaded.field(field, step)?;
         let mut overflows = 0;
         for (piece, array) in loaded.reader.pieces().iter().zip(decoded.iter()) {
             let values = piece.values(array);
             overflows += match component {
-                Component::Index(index) if index < field.components => values.component(field.components, index, out),
-                Component::Index(index) => {
-                    let problem = format!("has {} components, and no component {index}", field.components);
-                    return Err(FileError::invalid(loaded.reader.path(), format!("field '{}'", field.name), problem));
-                }
+                Component::Index(index) => values.component(field.components, index, out),
                 Component::Magnitude => values.magnitude(field.components, out),
             };
         }
@@ -223,6 +222,20 @@ impl<S: StepReader> SeriesSource for Series<S> {
             let mut counts = self.overflows.lock().unwrap_or_else(PoisonError::into_inner);
             let count = counts.entry((field.name.clone(), step)).or_default();
             *count = overflows.max(*count);
+        }
+        Ok(())
+    }
+
+    fn read_f64(&self, field: &FieldInfo, component: usize, step: usize, out: &mut Vec<f64>) -> FileResult<()> {
+        out.clear();
+        let loaded = self.step(step)?;
+        check_component(field, component, loaded.reader.path())?;
+        let decoded = loaded.field(field, step)?;
+        for (piece, array) in loaded.reader.pieces().iter().zip(decoded.iter()) {
+            piece.values(array).component_f64(field.components, component, out);
+        }
+        if let (Association::Cell, Some(kept)) = (field.association, &self.shape.kept) {
+            gather(out, kept);
         }
         Ok(())
     }
@@ -280,6 +293,14 @@ impl Shape {
             kept: grid.kept(),
         })
     }
+}
+
+fn check_component(field: &FieldInfo, index: usize, path: &Path) -> FileResult<()> {
+    if index < field.components {
+        return Ok(());
+    }
+    let problem = format!("has {} components, and no component {index}", field.components);
+    Err(FileError::invalid(path, format!("field '{}'", field.name), problem))
 }
 
 fn hash_points(mesh: &RawMesh) -> u64 {

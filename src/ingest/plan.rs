@@ -1,6 +1,7 @@
 //! Plan of an import: the source fields that are read, and the store fields that they become.
 
 use super::options::FieldUnits;
+use crate::calculator::base_of_unit;
 use crate::field::{Association, Component, FieldInfo, FieldSelector};
 use std::collections::BTreeSet;
 
@@ -86,20 +87,23 @@ pub(super) fn plan(
     let mut unit_of: Vec<Option<&str>> = vec![None; fields.len()];
     for FieldUnits { field: name, units } in units {
         let field = names.iter().position(|n| n == name).ok_or_else(|| unknown(&names, name))?;
-        if !order.contains(&field) {
+        if !order.contains(&field) && !order.iter().any(|&of| base_of_unit(&names[of]) == Some(name.as_str())) {
             return Err(format!("field '{name}' has a unit but is not imported"));
         }
         if let Some(before) = unit_of[field].replace(units) {
             return Err(format!("field '{name}' has two units, '{before}' and '{units}'"));
         }
     }
+    // A quantity has its field's unit, unless it has one of its own.
+    let base = |field: usize| base_of_unit(&names[field]).and_then(|base| names.iter().position(|n| n == base));
+    let unit = |field: usize| unit_of[field].or_else(|| base(field).and_then(|base| unit_of[base]));
     let mut taken = BTreeSet::new();
     let planned = |&field: &usize| {
         let info = fields[field].clone();
         let mut outputs = outputs(&names[field], info.components, &wanted[field]);
         for output in &mut outputs {
             output.name = unlike(&mut taken, &output.name);
-            output.units = unit_of[field].map(str::to_owned);
+            output.units = unit(field).map(str::to_owned);
         }
         PlannedField { reads: reads(info.components, &outputs), info, outputs, means: None }
     };
@@ -270,5 +274,22 @@ mod tests {
         assert!(names(&flow(), &["U:3"]).unwrap_err().contains("0 to 2 and mag"));
         assert!(names(&[], &[]).unwrap_err().contains("no field"));
         assert!(names(&[field("e", 0, Association::Point)], &[]).unwrap_err().contains("no components"));
+    }
+
+    #[test]
+    fn quantities_have_the_unit_of_their_field_unless_they_have_their_own() {
+        let fields = [
+            field("s", 6, Association::Point),
+            field("s:mises", 1, Association::Point),
+            field("s:trace", 1, Association::Point),
+            field("s:det", 1, Association::Point),
+        ];
+        let units: Vec<FieldUnits> = ["s=MPa", "s:trace=bar"].iter().map(|text| text.parse().unwrap()).collect();
+        let selectors: Vec<FieldSelector> =
+            ["s:mises", "s:trace", "s:det"].iter().map(|s| s.parse().unwrap()).collect();
+        let planned = plan(&fields, &selectors, &units).expect("s itself is not imported");
+        let found: Vec<_> = planned.iter().flat_map(|field| &field.outputs).map(|o| o.units.as_deref()).collect();
+        assert_eq!(found, [Some("MPa"), Some("bar"), None]);
+        assert!(plan(&fields, &selectors[2..], &units[..1]).is_err(), "no field has that unit");
     }
 }

@@ -382,7 +382,7 @@ fn pull_face(
 
 /// Replaces the values of all cells of a file by those of `sources`, the source cells of its mesh: in place if no source lies before its
 /// target, as when cells are only left out; else through a copy, as when a split makes several tetrahedra of a cell.
-pub fn gather(values: &mut Vec<f32>, sources: &[u32]) {
+pub fn gather<T: Copy>(values: &mut Vec<T>, sources: &[u32]) {
     if sources.iter().enumerate().all(|(to, &from)| from as usize >= to) {
         for (to, &from) in sources.iter().enumerate() {
             values[to] = values[from as usize];

@@ -171,3 +171,38 @@ fn damaged_series_are_refused_and_leave_no_output_and_the_old_one_untouched() {
         place.refuses(&["import", "run/tornado.pvd", "-o", "old.zarr", "--overwrite"], parts);
     }
 }
+
+#[test]
+fn fields_are_calculated_and_added_to_a_store_again() {
+    let place = Place::with_tornado();
+    let define = ["--define", "excess = pressure - 101325", "--define", "head = excess / 9.81 + 0.5*mag(velocity)^2"];
+    let fields =
+        ["--field", "head", "--field", "velocity:vorticity", "--field", "velocity:q", "--units", "velocity=m/s"];
+    let import = ["import", "run/tornado.pvd", "-o", "t.zarr"];
+    place.refuses(&[&import[..], &fields].concat(), &["there is no field 'head'"]);
+    let all = [&define[..], &fields, &["--field", "velocity"]].concat();
+    place.ok(&[&import[..], &all, &["--steps", "0..5"]].concat());
+    let info = place.json(&["info", "t.zarr", "--json"]);
+    let names: Vec<&str> = info["fields"].as_array().unwrap().iter().map(|f| f["name"].as_str().unwrap()).collect();
+    for name in ["head", "velocity:vorticity:0", "velocity:vorticity:mag", "velocity:q", "velocity:2"] {
+        assert!(names.contains(&name), "{names:?}");
+    }
+    // The vorticity of a tornado stands along its axis.
+    let range = |name: &str| {
+        let field = info["fields"].as_array().unwrap().iter().find(|f| f["name"] == name).unwrap();
+        field["range"][1].as_f64().unwrap() - field["range"][0].as_f64().unwrap()
+    };
+    assert!(range("velocity:vorticity:2") > range("velocity:vorticity:0"), "{info}");
+    // Quantities are known by their names; definitions are given again.
+    place.refuses(&[&import[..], &["--append"]].concat(), &["'head'", "--define"]);
+    place.ok(&[&import[..], &["--append"], &define].concat());
+    assert_eq!(place.json(&["info", "t.zarr", "--json"])["time"]["steps"], 8);
+    for (text, expected) in [
+        ("a = pressure +", "column 15"),
+        ("a", "'='"),
+        ("a = b", "there is no field 'b'"),
+        ("a = pressure / 0", "division by zero"),
+    ] {
+        place.refuses(&["import", "run/tornado.pvd", "-o", "u.zarr", "--define", text], &[expected, text]);
+    }
+}
