@@ -2,6 +2,7 @@
 
 use super::cells::{GridReader, Kind, kind_of, name_of, refuse_solid};
 use crate::error::{FileError, FileResult};
+use crate::mesh::polyhedron::take_faces;
 use std::path::Path;
 
 /// Bits of the cell array `vtkGhostType` that drop a cell: a duplicate of another piece's, refined, or hidden
@@ -11,8 +12,21 @@ const GHOST_BITS: u64 = 1 | 8 | 32;
 /// The cell array in which parallel writers flag duplicates.
 pub(super) const GHOST_ARRAY: &str = "vtkGhostType";
 
+/// Whether the flags of a cell in [`GHOST_ARRAY`] drop it.
+pub(super) fn is_ghost(flags: u64) -> bool {
+    flags & GHOST_BITS != 0
+}
+
 /// The faces of a polyhedron, or what is wrong with them; `None` if the list has none for this cell.
 pub(super) type Faces = Result<Option<Vec<Vec<u64>>>, &'static str>;
+
+/// The faces of a list: their number, then for each the number of its corners, and these.
+pub(super) fn listed_faces(list: &[u64]) -> Faces {
+    match take_faces(list) {
+        Some((faces, [])) => Ok(Some(faces)),
+        _ => Err("has a list of faces that is cut"),
+    }
+}
 
 /// The cells of a piece.
 pub(super) struct CellList<'a> {
@@ -53,7 +67,7 @@ impl CellList<'_> {
             })?;
             begin = end;
             let of_cell = faces.next();
-            if self.ghosts.get(i).is_some_and(|flags| flags & GHOST_BITS != 0) {
+            if self.ghosts.get(i).is_some_and(|&flags| is_ghost(flags)) {
                 grid.ghosts += 1;
                 continue;
             }

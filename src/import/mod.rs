@@ -23,6 +23,7 @@ mod parts;
 mod pieces;
 mod pvd;
 mod series;
+mod timed;
 mod vtu;
 mod xdmf;
 mod xml;

@@ -1,6 +1,7 @@
 //! The number types of files, and typed views of byte buffers.
 
 use crate::words::words;
+use std::ops::Range;
 
 /// A number type as the `type` attribute of a `DataArray` names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -149,6 +150,31 @@ pub(super) struct Numbers {
 impl Numbers {
     pub(super) fn values(&self) -> Values<'_> {
         Values { number: self.number, big_endian: self.big_endian, bytes: &self.bytes }
+    }
+}
+
+/// The bytes of an array of a file in memory.
+pub(super) enum Decoded {
+    /// A range of the file's bytes, which needs no decoding.
+    InPlace(Range<usize>),
+    Own(Vec<u8>),
+}
+
+/// The bytes of an array of a file in memory, and their type.
+pub(super) struct ArrayBytes {
+    pub(super) number: Number,
+    pub(super) big_endian: bool,
+    pub(super) data: Decoded,
+}
+
+impl ArrayBytes {
+    /// The numbers, `file` being all bytes of the file.
+    pub(super) fn values<'a>(&'a self, file: &'a [u8]) -> Values<'a> {
+        let bytes = match &self.data {
+            Decoded::InPlace(range) => &file[range.clone()],
+            Decoded::Own(bytes) => bytes,
+        };
+        Values { number: self.number, big_endian: self.big_endian, bytes }
     }
 }
 

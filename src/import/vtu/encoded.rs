@@ -7,12 +7,12 @@
 //!
 //! Every size is checked against the size of the array and the available bytes before memory is allocated.
 
+use super::super::numbers::Decoded;
 use super::compression::Compressor;
 use super::header::Words;
 use base64::Engine;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use std::borrow::Cow;
-use std::ops::Range;
 
 const BASE64: GeneralPurpose = GeneralPurpose::new(
     &base64::alphabet::STANDARD,
@@ -153,13 +153,6 @@ fn decode_base64(text: &[u8], size: usize) -> Result<(Vec<u8>, usize), String> {
     }
     out.truncate(size);
     Ok((out, at))
-}
-
-/// The decoded bytes of an array.
-pub(crate) enum Decoded {
-    /// A range of the stored data, which needs no decoding.
-    InPlace(Range<usize>),
-    Own(Vec<u8>),
 }
 
 /// Decodes the data that `layout` describes; their size must be `expected`.

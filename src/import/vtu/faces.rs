@@ -4,10 +4,10 @@
 //! `polyhedron_offsets`. Older ones have for each polyhedron the number of its faces, and for each face the number of its corners and
 //! these: `faces`, with the end of each cell's list in `faceoffsets`, -1 for a cell without one.
 
+use super::super::cell_list::{Faces, listed_faces};
 use super::cells::indices;
 use super::{ArrayInfo, Piece, VtuFile};
 use crate::error::{FileError, FileResult};
-use crate::mesh::polyhedron::take_faces;
 
 /// Names of the arrays.
 pub(super) const FACE_ARRAYS: [&str; 6] =
@@ -56,14 +56,14 @@ impl FacesOfCells {
     }
 
     /// The faces of each cell in turn, `None` for one that is no polyhedron; an error says what is wrong with the cell.
-    pub(super) fn of_cells(&self, cells: usize) -> impl Iterator<Item = Result<Option<Vec<Vec<u64>>>, &'static str>> {
+    pub(super) fn of_cells(&self, cells: usize) -> impl Iterator<Item = Faces> {
         let mut begin = 0;
         (0..cells).map(move |cell| match self {
             Self::Lists { words, ends } => {
                 let Some(end) = ends.get(cell).copied().flatten() else { return Ok(None) };
                 let list = words.get(begin..end).ok_or("has a list of faces that begins behind its end")?;
                 begin = end;
-                listed(list).map(Some).ok_or("has a list of faces that is cut")
+                listed_faces(list)
             }
             Self::Shared { corners, face_ends, faces, cell_ends } => {
                 let end = cell_ends.get(cell).map_or(0, |&end| end as usize);
@@ -85,12 +85,6 @@ impl FacesOfCells {
             }
         })
     }
-}
-
-/// The faces of a list: their number, then for each the number of its corners, and these.
-fn listed(list: &[u64]) -> Option<Vec<Vec<u64>>> {
-    let (faces, rest) = take_faces(list)?;
-    rest.is_empty().then_some(faces)
 }
 
 /// An array of ends, which do not decrease.

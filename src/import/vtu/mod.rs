@@ -11,17 +11,17 @@ mod step;
 pub(super) use open::{FORMAT, open_steps};
 pub(super) use step::VtuStep;
 
-use super::numbers::{self, Number, Values};
+use super::numbers::{self, ArrayBytes, Decoded, Values};
+use super::timed::at_start;
 use header::{ArrayInfo, Piece};
 
 use crate::error::{FileError, FileResult};
 use crate::files;
 use crate::slowdown::{Slow, waste};
-use encoded::{Decoded, Layout, Stored};
+use encoded::{Layout, Stored};
 use header::{DataPlace, Extent, Header};
 use std::borrow::Cow;
 use std::hash::{Hash, Hasher};
-use std::io::Read;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -30,13 +30,6 @@ pub(super) struct VtuFile {
     path: PathBuf,
     bytes: Vec<u8>,
     header: Header,
-}
-
-/// The decoded bytes of an array, for [`VtuFile::values`].
-pub(super) struct ArrayBytes {
-    number: Number,
-    big_endian: bool,
-    data: Decoded,
 }
 
 impl VtuFile {
@@ -99,11 +92,7 @@ impl VtuFile {
 
     /// The typed numbers of a decoded array.
     pub(super) fn values<'a>(&'a self, array: &'a ArrayBytes) -> Values<'a> {
-        let bytes = match &array.data {
-            Decoded::InPlace(range) => &self.bytes[range.clone()],
-            Decoded::Own(bytes) => bytes,
-        };
-        Values { number: array.number, big_endian: array.big_endian, bytes }
+        array.values(&self.bytes)
     }
 
     /// Hashes the mesh arrays of `piece` as stored, undecoded: equal bytes are equal meshes, other bytes may be.
@@ -186,24 +175,13 @@ fn without_blanks(text: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
 /// # Errors
 /// If the file cannot be read, or is not an unstructured grid.
 fn time_value_of(path: &Path) -> FileResult<Option<f64>> {
-    const FIRST_READ: u64 = 1 << 16;
-    let mut file = files::open(path)?;
-    let mut bytes = Vec::new();
-    let mut wanted = FIRST_READ;
-    loop {
-        let got = file.by_ref().take(wanted).read_to_end(&mut bytes).map_err(|e| FileError::io(path, "read", &e))?;
-        let time = header::parse(path, &bytes, Extent::TimeValue).and_then(|header| {
-            let start = VtuFile { path: path.to_owned(), bytes: std::mem::take(&mut bytes), header };
-            let time = start.time_value();
-            bytes = start.bytes;
-            time
-        });
-        // Data cut off at the end of this part may be in the next.
-        if time.is_ok() || (got as u64) < wanted {
-            return time;
+    at_start(path, |bytes| match header::parse(path, &bytes, Extent::TimeValue) {
+        Ok(header) => {
+            let start = VtuFile { path: path.to_owned(), bytes, header };
+            (start.time_value(), start.bytes)
         }
-        wanted = bytes.len() as u64;
-    }
+        Err(error) => (Err(error), bytes),
+    })
 }
 
 #[cfg(test)]

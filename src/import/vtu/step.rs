@@ -1,11 +1,11 @@
 //! One step as one or more `.vtu` files.
 
 use super::super::cells::GridReader;
-use super::super::numbers::Values;
+use super::super::numbers::{ArrayBytes, Values};
 use super::super::pieces::Piece;
 use super::super::series::StepReader;
 use super::cells::add_piece;
-use super::{ArrayBytes, ArrayInfo, VtuFile};
+use super::{ArrayInfo, VtuFile};
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, FieldInfo};
 use std::hash::{DefaultHasher, Hash};
