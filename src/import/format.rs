@@ -1,6 +1,6 @@
 //! The supported input formats.
 
-use super::{parts, pvd, vtu, xdmf};
+use super::{legacy, parts, pvd, vtu, xdmf};
 use crate::error::FileResult;
 use crate::field::SeriesSource;
 use std::path::{Path, PathBuf};
@@ -26,7 +26,8 @@ pub struct Format {
 }
 
 /// All formats that [`open`](super::open) reads. Help, messages and the player list these.
-pub const FORMATS: &[Format] = &[pvd::FORMAT, vtu::FORMAT, parts::PVTU, parts::VTM, parts::SERIES, xdmf::FORMAT];
+pub const FORMATS: &[Format] =
+    &[pvd::FORMAT, vtu::FORMAT, parts::PVTU, parts::VTM, legacy::FORMAT, parts::SERIES, xdmf::FORMAT];
 
 impl Format {
     /// The format of a file, by the extension of its name.
@@ -70,6 +71,6 @@ mod tests {
             assert!(Format::of(Path::new(&format!("a.{}", extension.to_uppercase()))).is_some());
         }
         assert!(FORMATS.iter().all(|format| Format::list().contains(format.name)));
-        assert_eq!(Format::extensions(), ".pvd, .vtu, .pvtu, .vtm, .series, .xdmf");
+        assert_eq!(Format::extensions(), ".pvd, .vtu, .pvtu, .vtm, .vtk, .series, .xdmf");
     }
 }

@@ -5,6 +5,7 @@
 //! | `.vtu` | an unstructured grid of VTK in XML: one step | `vtu` |
 //! | `.pvtu` | what parallel codes write: the pieces of a step in `.vtu` files | `parts` |
 //! | `.vtm` | blocks of VTK in `.vtu` or `.pvtu` files: one step | `parts` |
+//! | `.vtk` | a legacy file of VTK: one step | `legacy` |
 //! | `.vtu.series`, ... | ParaView's list of such files with their times in JSON | `parts` |
 //! | `.pvd` | ParaView's list of these files, each with its time | `pvd` |
 //! | `.xdmf`, `.xmf` | XDMF: an XML file with the arrays of a series in HDF5 or binary files beside it | `xdmf` |
@@ -17,6 +18,7 @@ mod cells;
 mod format;
 mod joined;
 mod lattice;
+mod legacy;
 mod names;
 mod numbers;
 mod parts;
@@ -58,8 +60,8 @@ pub fn files(path: &Path) -> FileResult<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Opens several files of one format as one series, in natural order of their names (2 before 10): each `.vtu`, `.pvtu` or `.vtm` file
-/// is a step, XDMF files have different fields on the same mesh at the same times.
+/// Opens several files of one format as one series, in natural order of their names (2 before 10): each `.vtu`, `.pvtu`, `.vtm` or
+/// `.vtk` file is a step, XDMF files have different fields on the same mesh at the same times.
 ///
 /// # Errors
 /// As for [`open`]; if `paths` is empty; if the files are of different formats, or of one that cannot be joined.
@@ -102,7 +104,7 @@ mod tests {
 
     #[test]
     fn other_files_are_refused_with_a_list_of_what_is_read() {
-        for name in ["a.stl", "folder", "a.VTK", ""] {
+        for name in ["a.stl", "folder", "a.VTP", ""] {
             let error = open(Path::new(name)).err().expect("refused").to_string();
             assert!([".pvd", ".vtu", ".xdmf"].iter().all(|kind| error.contains(kind)), "{error}");
         }

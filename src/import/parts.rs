@@ -1,9 +1,10 @@
 //! Files that stand for several `.vtu` files: what parallel codes write (`.pvtu`), blocks (`.vtm`), and lists of such files with their times
-//! (`.vtu.series`, `.pvtu.series`, `.vtm.series`).
+//! (`.vtu.series`, `.pvtu.series`, `.vtm.series`, `.vtk.series`).
 //!
 //! Pieces and blocks merge to one mesh. They lie in the folder of the file that names them, or below it.
 
 use super::format::{Format, extension};
+use super::legacy;
 use super::series::Series;
 use super::vtu::{VtuStep, open_steps};
 use super::xml::{Attributes, same_length_utf8};
@@ -42,7 +43,10 @@ pub(super) const SERIES: Format = Format {
     files: |path| {
         let mut files = Vec::new();
         for (_, file) in listed(path)? {
-            files.extend(Parts::of(&file)?.all());
+            match legacy::is_legacy(&file) {
+                true => files.push(file),
+                false => files.extend(Parts::of(&file)?.all()),
+            }
         }
         Ok(files)
     },
@@ -200,8 +204,12 @@ fn listed(path: &Path) -> FileResult<Vec<(f64, PathBuf)>> {
 /// Opens a list, the only one of `paths`.
 fn open_list(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
     let [path] = paths else { return Err(FileError::invalid("", "", "a list is opened alone")) };
+    let listed = listed(path)?;
+    if listed.iter().any(|(_, file)| legacy::is_legacy(file)) {
+        return legacy::open_listed(path, listed);
+    }
     let (mut times, mut steps, mut notes) = (Vec::new(), Vec::new(), Vec::new());
-    for (time, file) in listed(path)? {
+    for (time, file) in listed {
         let Parts { files, notes: more, .. } = Parts::of(&file)?;
         notes.extend(more.into_iter().filter(|note| !notes.contains(note)).collect::<Vec<_>>());
         times.push(time);
