@@ -31,8 +31,8 @@ tetreel import run/case.pvd -o case.zarr --define 'ke = 0.5*rho*mag(u)^2' --fiel
 tetreel import run/case.pvd -o case.zarr --append --follow    # while the simulation runs; Ctrl-C ends it"
 )]
 pub(super) struct Args {
-    /// A .pvd, .series or .xdmf file, several .vtu, .pvtu or .vtm files (one a step, in the natural order of their names), or
-    /// several .xdmf files (each with other fields)
+    /// One file of a series, or several that are a step each (grids, pieces and blocks of VTK, in the natural order of their names) or
+    /// have other fields each (.xdmf)
     #[arg(required = true, value_name = "SOURCE")]
     pub(super) sources: Vec<PathBuf>,
     /// The store to write

@@ -26,8 +26,18 @@ pub struct Format {
 }
 
 /// All formats that [`open`](super::open) reads. Help, messages and the player list these.
-pub const FORMATS: &[Format] =
-    &[pvd::FORMAT, vtu::FORMAT, parts::PVTU, parts::VTM, legacy::FORMAT, parts::SERIES, xdmf::FORMAT];
+pub const FORMATS: &[Format] = &[
+    pvd::FORMAT,
+    vtu::FORMAT,
+    parts::PVTU,
+    parts::VTM,
+    vtu::IMAGE,
+    vtu::RECTILINEAR,
+    vtu::CURVILINEAR,
+    legacy::FORMAT,
+    parts::SERIES,
+    xdmf::FORMAT,
+];
 
 impl Format {
     /// The format of a file, by the extension of its name.
@@ -71,6 +81,6 @@ mod tests {
             assert!(Format::of(Path::new(&format!("a.{}", extension.to_uppercase()))).is_some());
         }
         assert!(FORMATS.iter().all(|format| Format::list().contains(format.name)));
-        assert_eq!(Format::extensions(), ".pvd, .vtu, .pvtu, .vtm, .vtk, .series, .xdmf");
+        assert_eq!(Format::extensions(), ".pvd, .vtu, .pvtu, .vtm, .vti, .vtr, .vts, .vtk, .series, .xdmf");
     }
 }

@@ -3,6 +3,7 @@
 use super::cells::{GridReader, kind};
 use crate::error::{FileError, FileResult};
 use glam::DVec3;
+use std::hash::{Hash, Hasher};
 use std::path::Path;
 
 /// The types of VTK that are reported.
@@ -11,6 +12,34 @@ const HEXAHEDRON: u8 = 12;
 const QUAD: u8 = 9;
 /// Most points per byte of a file that does not list them: an array of bytes at deflate's limit.
 const POINTS_PER_BYTE: usize = 1032;
+
+/// Where the points of a grid with equal distances along each axis lie.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct EvenGrid {
+    pub(super) origin: [f64; 3],
+    pub(super) spacing: [f64; 3],
+    /// A matrix by rows, the identity unless the grid is turned.
+    pub(super) direction: [[f64; 3]; 3],
+}
+
+impl EvenGrid {
+    /// A grid along the axes.
+    pub(super) fn of(origin: [f64; 3], spacing: [f64; 3]) -> Self {
+        Self { origin, spacing, direction: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] }
+    }
+
+    /// Whether all numbers are finite.
+    pub(super) fn is_finite(&self) -> bool {
+        self.origin.iter().chain(&self.spacing).chain(self.direction.as_flattened()).all(|v| v.is_finite())
+    }
+}
+
+impl Hash for EvenGrid {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        let numbers = self.origin.iter().chain(&self.spacing).chain(self.direction.as_flattened());
+        numbers.for_each(|number| number.to_bits().hash(state));
+    }
+}
 
 /// The points of a structured grid, and the cells between them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -71,6 +100,17 @@ impl Lattice {
         let [x, y, z] = axes;
         let row = |&z: &f64| y.iter().flat_map(move |&y| x.iter().map(move |&x| DVec3::new(x, y, z)));
         Ok(z.iter().flat_map(row).collect())
+    }
+
+    /// The points at equal distances along axes: `origin + direction * (spacing * index)`, indices counted from `first`. The rows of
+    /// `direction` are x, y and z of the points.
+    pub(super) fn even(self, first: [i64; 3], grid: &EvenGrid) -> Vec<DVec3> {
+        let step = |axis: usize| DVec3::from_array(grid.direction.map(|row| row[axis])) * grid.spacing[axis];
+        let [x, y, z] = [step(0), step(1), step(2)];
+        let at = |axis: usize, i: usize| (first[axis] + i as i64) as f64;
+        let [nx, ny, nz] = self.dims;
+        let row = |y: DVec3, z: DVec3| (0..nx).map(move |i| (x * at(0, i) + y) + z + DVec3::from(grid.origin));
+        (0..nz).flat_map(|k| (0..ny).flat_map(move |j| row(y * at(1, j), z * at(2, k)))).collect()
     }
 
     /// Adds the cells to a mesh that has the lattice's points from `first_point` on; those with a flag of `is_hidden` are left out. Whether
@@ -158,6 +198,18 @@ mod tests {
             assert!((volumes.iter().sum::<f64>().abs() - (4.0 * 3.0 * 2.0 - 1.0)).abs() < 1e-12);
         }
         assert!(lattice.product([&[0.0], &[0.0], &[0.0]]).unwrap_err().contains("along x"));
+    }
+
+    #[test]
+    fn points_at_equal_distances_are_counted_from_the_first_index_along_turned_axes() {
+        let lattice = Lattice::of_extent([2, 3, -1, 0, 5, 5], 1000).unwrap();
+        let straight = EvenGrid::of([10.0, 20.0, 30.0], [0.5, 2.0, 3.0]);
+        let points = lattice.even([2, -1, 5], &straight);
+        let expected = [[11.0, 18.0, 45.0], [11.5, 18.0, 45.0], [11.0, 20.0, 45.0], [11.5, 20.0, 45.0]];
+        assert_eq!(points, expected.map(DVec3::from));
+        // A quarter turn about z: x becomes y, and y becomes -x.
+        let turned = EvenGrid { direction: [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], ..straight };
+        assert_eq!(lattice.even([2, -1, 5], &turned)[1], DVec3::new(12.0, 21.5, 45.0));
     }
 
     #[test]

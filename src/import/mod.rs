@@ -3,8 +3,9 @@
 //! | extension | what it is | read by |
 //! |---|---|---|
 //! | `.vtu` | an unstructured grid of VTK in XML: one step | `vtu` |
-//! | `.pvtu` | what parallel codes write: the pieces of a step in `.vtu` files | `parts` |
-//! | `.vtm` | blocks of VTK in `.vtu` or `.pvtu` files: one step | `parts` |
+//! | `.vti`, `.vtr`, `.vts` | structured grids of VTK in XML | `vtu` |
+//! | `.pvtu`, `.pvti`, ... | what parallel codes write: the pieces of a step in such files | `parts` |
+//! | `.vtm` | blocks of VTK in such files: one step | `parts` |
 //! | `.vtk` | a legacy file of VTK: one step | `legacy` |
 //! | `.vtu.series`, ... | ParaView's list of such files with their times in JSON | `parts` |
 //! | `.pvd` | ParaView's list of these files, each with its time | `pvd` |

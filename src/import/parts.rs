@@ -1,4 +1,4 @@
-//! Files that stand for several `.vtu` files: what parallel codes write (`.pvtu`), blocks (`.vtm`), and lists of such files with their times
+//! Files that stand for several: what parallel codes write (`.pvtu`, `.pvti`, ...), blocks (`.vtm`), and lists of such files with their times
 //! (`.vtu.series`, `.pvtu.series`, `.vtm.series`, `.vtk.series`).
 //!
 //! Pieces and blocks merge to one mesh. They lie in the folder of the file that names them, or below it.
@@ -18,8 +18,8 @@ use std::path::{Component, Path, PathBuf};
 
 /// Parallel files, one step each.
 pub(super) const PVTU: Format = Format {
-    name: "unstructured grids in pieces",
-    extensions: &["pvtu"],
+    name: "grids in pieces",
+    extensions: &["pvtu", "pvti", "pvtr", "pvts"],
     joins: true,
     open: open_each,
     files: |path| Ok(Parts::of(path)?.all()),
@@ -52,10 +52,18 @@ pub(super) const SERIES: Format = Format {
     },
 };
 
+/// Extensions of files that are read as a piece or block.
+const GRIDS: [&str; 4] = ["vtu", "vti", "vtr", "vts"];
+/// Extensions of files of pieces, and their types.
+const PARALLEL: [(&str, &str); 4] =
+    [("pvtu", "PUnstructuredGrid"), ("pvti", "PImageData"), ("pvtr", "PRectilinearGrid"), ("pvts", "PStructuredGrid")];
+/// The type of files of blocks.
+const BLOCKS: &str = "vtkMultiBlockDataSet";
+
 /// What a file of a step stands for.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Parts {
-    /// The `.vtu` files, in the order of their names.
+    /// The files of grids, in the order of their names.
     pub(super) files: Vec<PathBuf>,
     /// The files that name them.
     pub(super) lists: Vec<PathBuf>,
@@ -64,15 +72,17 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// The parts of a `.vtu`, `.pvtu` or `.vtm` file.
+    /// The parts of a file of a grid, of pieces or of blocks.
     ///
     /// # Errors
-    /// If the file cannot be read, names no `.vtu` file, or one that is missing or outside of its folder.
+    /// If the file cannot be read, names no grid, or one that is missing or outside of its folder.
     pub(super) fn of(path: &Path) -> FileResult<Self> {
         match extension(path).as_str() {
-            "vtu" => Ok(Self { files: vec![path.to_owned()], ..Self::default() }),
-            "pvtu" => Self::named(path, "PUnstructuredGrid", &[("Piece", "Source")]),
-            "vtm" => Self::named(path, "vtkMultiBlockDataSet", &[("DataSet", "file"), ("Piece", "file")]),
+            kind if GRIDS.contains(&kind) => Ok(Self { files: vec![path.to_owned()], ..Self::default() }),
+            kind if let Some((_, of_type)) = PARALLEL.iter().find(|(parallel, _)| *parallel == kind) => {
+                Self::named(path, of_type, &[("Piece", "Source")])
+            }
+            "vtm" => Self::named(path, BLOCKS, &[("DataSet", "file"), ("Piece", "file")]),
             other => {
                 let problem = format!("files of kind .{other} are no part of a step");
                 Err(FileError::unsupported(path, "", problem).remedy("save it as .vtu"))
@@ -91,6 +101,7 @@ impl Parts {
         let text = same_length_utf8(&bytes);
         let mut reader = Reader::from_str(&text);
         let mut parts = Self { lists: vec![path.to_owned()], ..Self::default() };
+        let is_of_blocks = kind == BLOCKS;
         let (mut is_of_kind, mut skipped) = (false, 0);
         loop {
             let byte = reader.buffer_position();
@@ -113,14 +124,17 @@ impl Parts {
                     }
                     let file = located(path, file).map_err(invalid)?;
                     match extension(&file).as_str() {
-                        "vtu" => parts.files.push(file),
-                        "pvtu" if kind != "PUnstructuredGrid" => {
+                        grid if GRIDS.contains(&grid) => parts.files.push(file),
+                        parallel if is_of_blocks && PARALLEL.iter().any(|(other, _)| *other == parallel) => {
                             let more = Self::of(&file)?;
                             parts.files.extend(more.files);
                             parts.lists.extend(more.lists);
                         }
                         other => {
-                            return Err(invalid(format!("names a file of kind .{other}; only .vtu files are read")));
+                            return Err(invalid(format!(
+                                "names a file of kind .{other}; only grids are read ({})",
+                                GRIDS.join(", ")
+                            )));
                         }
                     }
                 }
@@ -133,7 +147,7 @@ impl Parts {
             }
         }
         if parts.files.is_empty() {
-            return Err(FileError::invalid(path, "", "names no .vtu file"));
+            return Err(FileError::invalid(path, "", "names no grid"));
         }
         if skipped > 0 {
             parts.notes.push(format!("skipped {skipped} blocks that are surfaces (.vtp)"));
@@ -265,10 +279,10 @@ mod tests {
             ("x.pvtu", pieces("<Piece Source=\"../a.vtu\"/>"), "outside"),
             ("x.pvtu", pieces("<Piece Source=\"/etc/passwd\"/>"), "outside"),
             ("x.pvtu", pieces("<Piece Source=\"c.pvtu\"/>"), ".pvtu"),
-            ("x.pvtu", pieces(""), "names no .vtu file"),
+            ("x.pvtu", pieces(""), "names no grid"),
             ("x.pvtu", blocks(""), "PUnstructuredGrid"),
             ("x.vtm", blocks("<DataSet file=\"x.vtm\"/>"), ".vtm"),
-            ("x.vtm", blocks("<DataSet file=\"s.vtp\"/>"), "names no .vtu file"),
+            ("x.vtm", blocks("<DataSet file=\"s.vtp\"/>"), "names no grid"),
             ("x.vtm", "<VTKFile type=\"vtkMultiBlockDataSet\">".to_owned(), "ends before"),
             ("x.vtm", "no XML at all".to_owned(), "no VTK file"),
         ] {

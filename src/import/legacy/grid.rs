@@ -6,7 +6,7 @@ use super::header::{Cells, Dataset, Header, Size};
 use crate::error::{FileError, FileResult};
 use crate::import::cell_list::{CellList, GHOST_ARRAY, is_ghost, listed_faces};
 use crate::import::cells::GridReader;
-use crate::import::lattice::Lattice;
+use crate::import::lattice::{EvenGrid, Lattice};
 use crate::mesh::POLYHEDRON_VTK_TYPE;
 use glam::DVec3;
 use std::hash::{Hash, Hasher};
@@ -23,8 +23,7 @@ pub(super) enum Geometry {
     Even {
         lattice: Lattice,
         first: [i64; 3],
-        origin: [f64; 3],
-        spacing: [f64; 3],
+        grid: EvenGrid,
     },
     /// Points with coordinates of their own.
     Curved {
@@ -67,12 +66,12 @@ impl Geometry {
             }
             Some(Dataset::StructuredPoints) => {
                 let (lattice, first) = lattice(header.size)?;
-                let (origin, spacing) = (header.origin.unwrap_or([0.0; 3]), header.spacing.unwrap_or([1.0; 3]));
-                if !origin.iter().chain(&spacing).all(|v| v.is_finite()) {
-                    let problem = format!("has the origin {origin:?} and the spacing {spacing:?}");
+                let grid = EvenGrid::of(header.origin.unwrap_or([0.0; 3]), header.spacing.unwrap_or([1.0; 3]));
+                if !grid.is_finite() {
+                    let problem = format!("has the origin {:?} and the spacing {:?}", grid.origin, grid.spacing);
                     return Err(FileError::invalid(path, "ORIGIN", problem).remedy("write finite numbers"));
                 }
-                Self::Even { lattice, first, origin, spacing }
+                Self::Even { lattice, first, grid }
             }
             Some(Dataset::StructuredGrid) => {
                 let (lattice, _) = lattice(header.size)?;
@@ -124,9 +123,7 @@ impl Geometry {
                     }
                 }
             }
-            Self::Even { lattice, first, origin, spacing } => {
-                (lattice, first, origin.map(f64::to_bits), spacing.map(f64::to_bits)).hash(state);
-            }
+            Self::Even { lattice, first, grid } => (lattice, first, grid).hash(state),
             Self::Curved { lattice, points } => {
                 add(points);
                 lattice.hash(state);
@@ -172,26 +169,18 @@ pub(super) fn add_to(grid: &mut GridReader, file: &LegacyFile) -> FileResult<()>
             add_points(grid, file, points)?;
             lattice.add_cells(grid, &file.path, first_point, false, is_hidden)
         }
-        Geometry::Even { lattice, first, origin, spacing } => {
-            let axis = |axis: usize| -> Vec<f64> {
-                let at = |i: usize| origin[axis] + (first[axis] + i as i64) as f64 * spacing[axis];
-                (0..lattice.dims()[axis]).map(at).collect()
-            };
-            add_lattice(grid, file, *lattice, [axis(0), axis(1), axis(2)])?;
+        Geometry::Even { lattice, first, grid: even } => {
+            grid.mesh.points.extend(lattice.even(*first, even));
             lattice.add_cells(grid, &file.path, first_point, true, is_hidden)
         }
         Geometry::Axes { lattice, axes: [x, y, z] } => {
-            add_lattice(grid, file, *lattice, [file.floats(x)?, file.floats(y)?, file.floats(z)?])?;
+            let axes = [file.floats(x)?, file.floats(y)?, file.floats(z)?];
+            let invalid = |problem: String| FileError::invalid(&file.path, "COORDINATES", problem);
+            let points = lattice.product(axes.each_ref().map(Vec::as_slice));
+            grid.mesh.points.extend(points.map_err(invalid)?);
             lattice.add_cells(grid, &file.path, first_point, true, is_hidden)
         }
     }
-}
-
-fn add_lattice(grid: &mut GridReader, file: &LegacyFile, lattice: Lattice, axes: [Vec<f64>; 3]) -> FileResult<()> {
-    let points = lattice.product(axes.each_ref().map(Vec::as_slice));
-    let invalid = |problem: String| FileError::invalid(&file.path, "COORDINATES", problem);
-    grid.mesh.points.extend(points.map_err(invalid)?);
-    Ok(())
 }
 
 fn add_points(grid: &mut GridReader, file: &LegacyFile, points: &Array) -> FileResult<()> {

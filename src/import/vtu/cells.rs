@@ -23,7 +23,7 @@ pub(crate) fn add_piece(grid: &mut GridReader, file: &VtuFile, piece: &Piece) ->
     Ok(())
 }
 
-fn add_points(grid: &mut GridReader, file: &VtuFile, piece: &Piece) -> FileResult<()> {
+pub(super) fn add_points(grid: &mut GridReader, file: &VtuFile, piece: &Piece) -> FileResult<()> {
     if piece.points == 0 {
         return Ok(());
     }
@@ -57,7 +57,7 @@ fn add_cells(grid: &mut GridReader, file: &VtuFile, piece: &Piece, first_point: 
     list.add_to(grid, faces.iter().flat_map(|faces| faces.of_cells(piece.cells)), (piece.points, first_point))
 }
 
-fn ghost_flags(file: &VtuFile, piece: &Piece) -> FileResult<Vec<u64>> {
+pub(super) fn ghost_flags(file: &VtuFile, piece: &Piece) -> FileResult<Vec<u64>> {
     let array = piece.cell_data.iter().find(|array| array.name == GHOST_ARRAY && array.components == 1);
     array.map_or(Ok(Vec::new()), |array| indices(file, array, piece.cells))
 }

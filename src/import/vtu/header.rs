@@ -4,7 +4,9 @@ use super::super::numbers::Number;
 use super::super::xml::{Attributes, same_length_utf8};
 use super::compression::Compressor;
 use super::faces::FACE_ARRAYS;
+use super::structured::Structure;
 use crate::error::{FileError, FileResult};
+use crate::import::lattice::Lattice;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 use std::ops::Range;
@@ -19,6 +21,8 @@ pub(crate) struct Header {
     /// The array `TimeValue` of the field data, and its number of tuples.
     pub(crate) time_value: Option<(ArrayInfo, usize)>,
     pub(crate) pieces: Vec<Piece>,
+    /// The points of a structured grid; `None` if the file lists points and cells.
+    pub(crate) structure: Option<Structure>,
     pub(crate) appended: Option<Appended>,
     /// Names of point and cell arrays that are not numeric.
     pub(crate) skipped: Vec<String>,
@@ -58,6 +62,10 @@ pub(crate) struct Piece {
     pub(crate) types: Option<ArrayInfo>,
     /// Those of polyhedra.
     pub(crate) face_arrays: Vec<ArrayInfo>,
+    /// The points of a structured grid, and the first index along each axis.
+    pub(crate) lattice: Option<(Lattice, [i64; 3])>,
+    /// Coordinates along x, y and z of such a grid.
+    pub(crate) axes: Vec<ArrayInfo>,
 }
 
 /// A `DataArray` element.
@@ -99,8 +107,16 @@ pub(crate) enum Extent {
 /// If the file is not an unstructured grid, ends too early, or contradicts the format.
 pub(crate) fn parse(path: &Path, bytes: &[u8], extent: Extent) -> FileResult<Header> {
     let text = same_length_utf8(&bytes[..xml_end(bytes)]);
-    Parser { path, header: Header::default(), open: Vec::new(), array: None, extent, seen_file: false }
-        .run(&text, bytes)
+    Parser {
+        path,
+        header: Header::default(),
+        open: Vec::new(),
+        array: None,
+        extent,
+        seen_file: false,
+        file_bytes: bytes.len(),
+    }
+    .run(&text, bytes)
 }
 
 /// End of the XML: behind the tag of the appended section, whose data are not XML, or the end of the file.
@@ -132,6 +148,8 @@ struct Parser<'a> {
     array: Option<OpenArray>,
     extent: Extent,
     seen_file: bool,
+    /// Bytes of the file, or of the part of it that was read.
+    file_bytes: usize,
 }
 
 impl Parser<'_> {
@@ -194,6 +212,13 @@ impl Parser<'_> {
         }
         match name.as_ref() {
             "VTKFile" => self.begin_file(&self.attributes(tag, byte)?),
+            "Piece" if self.header.structure.is_some() => {
+                let read = super::structured::extent(&self.attributes(tag, byte)?, self.file_bytes);
+                let (lattice, first) = read.map_err(|problem| self.invalid(byte, problem))?;
+                let (points, cells) = (lattice.points(), lattice.cells());
+                self.header.pieces.push(Piece { points, cells, lattice: Some((lattice, first)), ..Piece::default() });
+                Ok(())
+            }
             "Piece" => {
                 let attributes = self.attributes(tag, byte)?;
                 let count = |key| match attributes.count(key) {
@@ -212,6 +237,11 @@ impl Parser<'_> {
                 self.skip_array(label);
                 Ok(())
             }
+            name if self.open.len() == 1 && Structure::of_type(name).is_some() => {
+                let attributes = self.attributes(tag, byte)?;
+                let read = self.header.structure.as_mut().map_or(Ok(()), |structure| structure.read(&attributes));
+                read.map_err(|problem| self.invalid(byte, problem))
+            }
             _ => Ok(()),
         }
     }
@@ -225,9 +255,10 @@ impl Parser<'_> {
         let unsupported = |problem: String| FileError::unsupported(self.path, "<VTKFile>", problem);
         match attributes.get("type") {
             Some("UnstructuredGrid") => {}
+            Some(name) if Structure::of_type(name).is_some() => self.header.structure = Structure::of_type(name),
             Some(other) => {
-                let error = unsupported(format!("this is a file of type {other}, and only UnstructuredGrid is read"));
-                let remedy = "convert it, for example with ParaView's filter Append Datasets or Tetrahedralize";
+                let error = unsupported(format!("this is a file of type {other}, and only grids are read"));
+                let remedy = "convert it, for example with ParaView's filter Append Datasets";
                 return Err(error.remedy(remedy));
             }
             None => return Err(self.invalid(0, "<VTKFile> lacks its type")),
@@ -258,7 +289,7 @@ impl Parser<'_> {
         let parent = self.open.last().map_or("", String::as_str);
         let name = attributes.get("Name").unwrap_or("").to_owned();
         let is_time = parent == "FieldData" && name == "TimeValue";
-        if !(is_time || matches!(parent, "PointData" | "CellData" | "Points" | "Cells")) {
+        if !(is_time || matches!(parent, "PointData" | "CellData" | "Points" | "Coordinates" | "Cells")) {
             return Ok(());
         }
         let place = format!("array '{name}' at byte {byte}");
@@ -321,6 +352,7 @@ impl Parser<'_> {
             ("PointData", _) => piece.point_data.push(info),
             ("CellData", _) => piece.cell_data.push(info),
             ("Points", _) => piece.coordinates = Some(info),
+            ("Coordinates", _) => piece.axes.push(info),
             ("Cells", "connectivity") => piece.connectivity = Some(info),
             ("Cells", "offsets") => piece.offsets = Some(info),
             ("Cells", "types") => piece.types = Some(info),
@@ -373,7 +405,7 @@ mod tests {
     #[test]
     fn files_of_other_kinds_are_refused_by_name() {
         let refusal = |text: &str| parse_text(text).map(|_| ()).expect_err("not a grid").to_string();
-        assert!(refusal(r#"<VTKFile type="ImageData"></VTKFile>"#).contains("type ImageData"));
+        assert!(refusal(r#"<VTKFile type="PolyData"></VTKFile>"#).contains("type PolyData"));
         assert!(refusal("<html></html>").contains("no VTK XML file"));
         assert!(refusal("").contains("no VTK XML file"));
         assert!(refusal("# vtk DataFile Version 5.1").contains("no VTK XML file"));

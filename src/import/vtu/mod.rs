@@ -1,4 +1,4 @@
-//! Reader of `.vtu` files: VTK's XML format for unstructured grids, in every encoding that VTK writes.
+//! Reader of VTK's XML format for grids, in every encoding that VTK writes: unstructured (`.vtu`) and structured ones.
 
 mod cells;
 mod compression;
@@ -7,12 +7,14 @@ mod faces;
 mod header;
 mod open;
 mod step;
+mod structured;
 
-pub(super) use open::{FORMAT, open_steps};
+pub(super) use open::{CURVILINEAR, FORMAT, IMAGE, RECTILINEAR, open_steps};
 pub(super) use step::VtuStep;
 
 use super::numbers::{self, ArrayBytes, Decoded, Values};
 use super::timed::at_start;
+use cells::ghost_flags;
 use header::{ArrayInfo, Piece};
 
 use crate::error::{FileError, FileResult};
@@ -100,7 +102,8 @@ impl VtuFile {
         let points = piece.coordinates.iter().filter(|_| piece.points > 0);
         let ghosts = piece.cell_data.iter().filter(|array| array.name == super::cell_list::GHOST_ARRAY);
         let cells = [&piece.connectivity, &piece.offsets, &piece.types].into_iter().flatten().chain(ghosts);
-        let cells = cells.chain(&piece.face_arrays);
+        let cells = cells.chain(&piece.face_arrays).chain(&piece.axes);
+        (self.header.structure, piece.lattice).hash(state);
         for array in points.chain(cells.filter(|_| piece.cells > 0)) {
             self.hash_stored(array, state)?;
         }

@@ -11,6 +11,17 @@ use std::path::PathBuf;
 pub(in crate::import) const FORMAT: Format =
     Format { name: "unstructured grids of VTK", extensions: &["vtu"], joins: true, open, files: |_| Ok(Vec::new()) };
 
+/// Volumes with points at equal distances.
+pub(in crate::import) const IMAGE: Format = Format { name: "regular volumes of VTK", extensions: &["vti"], ..FORMAT };
+
+/// Structured grids with coordinates along each axis.
+pub(in crate::import) const RECTILINEAR: Format =
+    Format { name: "rectilinear grids of VTK", extensions: &["vtr"], ..FORMAT };
+
+/// Structured grids whose points have coordinates of their own.
+pub(in crate::import) const CURVILINEAR: Format =
+    Format { name: "curvilinear grids of VTK", extensions: &["vts"], ..FORMAT };
+
 fn open(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
     open_steps(paths.iter().map(|path| (path.clone(), vec![path.clone()])).collect(), Vec::new())
 }

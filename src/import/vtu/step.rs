@@ -5,6 +5,7 @@ use super::super::numbers::{ArrayBytes, Values};
 use super::super::pieces::Piece;
 use super::super::series::StepReader;
 use super::cells::add_piece;
+use super::structured;
 use super::{ArrayInfo, VtuFile};
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, FieldInfo};
@@ -81,7 +82,11 @@ impl Piece for VtuPiece {
     }
 
     fn add_to(&self, grid: &mut GridReader) -> FileResult<()> {
-        add_piece(grid, &self.file, self.file.piece(self.index))
+        let piece = self.file.piece(self.index);
+        match piece.lattice {
+            None => add_piece(grid, &self.file, piece),
+            Some(_) => structured::add_piece(grid, &self.file, piece),
+        }
     }
 
     fn hash_mesh(&self, state: &mut DefaultHasher) -> FileResult<()> {
