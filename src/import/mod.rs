@@ -18,6 +18,7 @@ mod cell_list;
 mod cells;
 mod format;
 mod joined;
+mod joints;
 mod lattice;
 mod legacy;
 mod names;

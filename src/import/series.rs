@@ -2,6 +2,7 @@
 
 use super::cache::StepCache;
 use super::cells::GridReader;
+use super::joints::{Joints, agree, coincident};
 use super::pieces::{Piece, decode, fields_of};
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, FieldInfo, SeriesSource, TimeAxis};
@@ -58,6 +59,9 @@ pub(super) trait StepReader: Send + Sync + Sized {
 /// The decoded arrays of a field, one for each piece.
 type Arrays<S> = Vec<<<S as StepReader>::Piece as Piece>::Array>;
 
+/// Most steps that are named for values that differ between pieces.
+const DIFFERING_MAX: usize = 8;
+
 /// A series of steps of one format.
 pub(super) struct Series<S: StepReader> {
     description: String,
@@ -69,6 +73,8 @@ pub(super) struct Series<S: StepReader> {
     cache: StepCache<Step<S>>,
     /// Number of values that became infinite, by field and step, so that reading a step again does not count them again.
     overflows: Mutex<BTreeMap<(String, usize), u64>>,
+    /// Likewise the number of points that were joined and have other values than the first of them.
+    differing: Mutex<BTreeMap<(String, usize), usize>>,
 }
 
 /// A step in memory, and the field decoded last, for reading its components one after the other.
@@ -94,6 +100,8 @@ struct Shape {
     stored_hash: u64,
     points_hash: u64,
     cells_hash: u64,
+    /// Points that pieces share.
+    joints: Option<Joints>,
 }
 
 impl<S: StepReader> Series<S> {
@@ -122,19 +130,30 @@ impl<S: StepReader> Series<S> {
             .remedy("write a volume mesh: tetrahedra, hexahedra, wedges, pyramids, prisms or polyhedra"));
         }
         notes.extend(grid.notes());
-        if first.reader.pieces().len() > 1 {
-            notes.push("the mesh comes in pieces: points on borders between them are kept apart".to_owned());
-        }
         let (fields, mut left_out) = fields_of(first.reader.pieces());
         if !left_out.is_empty() {
             left_out.sort();
             left_out.dedup();
             notes.push(format!("left out {} arrays: {}", left_out.len(), left_out.join(", ")));
         }
-        let shape = Shape::of(&first.reader, grid)?;
+        let joints = joints_of(&first, &grid.mesh, &fields)?;
+        if let Some(joints) = &joints {
+            notes.push(format!("joined {} points on borders between pieces", joints.len()));
+        }
+        let shape = Shape { joints, ..Shape::of(&first.reader, grid)? };
         let cache = StepCache::default();
         cache.get(0, || Ok(first), Step::bytes)?;
-        Ok(Self { description, times, steps, fields, shape, notes, cache, overflows: Mutex::default() })
+        Ok(Self {
+            description,
+            times,
+            steps,
+            fields,
+            shape,
+            notes,
+            cache,
+            overflows: Mutex::default(),
+            differing: Mutex::default(),
+        })
     }
 
     fn step(&self, step: usize) -> FileResult<Arc<Step<S>>> {
@@ -197,7 +216,11 @@ impl<S: StepReader> SeriesSource for Series<S> {
     }
 
     fn mesh(&self) -> FileResult<RawMesh> {
-        Ok(self.step(0)?.reader.read_grid()?.mesh)
+        let mesh = self.step(0)?.reader.read_grid()?.mesh;
+        Ok(match &self.shape.joints {
+            Some(joints) => joints.join(mesh),
+            None => mesh,
+        })
     }
 
     fn read(&self, field: &FieldInfo, component: Component, step: usize, out: &mut Vec<f32>) -> FileResult<()> {
@@ -215,8 +238,11 @@ impl<S: StepReader> SeriesSource for Series<S> {
                 Component::Magnitude => values.magnitude(field.components, out),
             };
         }
-        if let (Association::Cell, Some(kept)) = (field.association, &self.shape.kept) {
-            gather(out, kept);
+        let differing = self.shape.select(field.association, out, agree);
+        if differing > 0 {
+            let mut counts = self.differing.lock().unwrap_or_else(PoisonError::into_inner);
+            let count = counts.entry((field.name.clone(), step)).or_default();
+            *count = differing.max(*count);
         }
         if overflows > 0 {
             let mut counts = self.overflows.lock().unwrap_or_else(PoisonError::into_inner);
@@ -234,9 +260,7 @@ impl<S: StepReader> SeriesSource for Series<S> {
         for (piece, array) in loaded.reader.pieces().iter().zip(decoded.iter()) {
             piece.values(array).component_f64(field.components, component, out);
         }
-        if let (Association::Cell, Some(kept)) = (field.association, &self.shape.kept) {
-            gather(out, kept);
-        }
+        self.shape.select(field.association, out, |_, _| true);
         Ok(())
     }
 
@@ -250,7 +274,13 @@ impl<S: StepReader> SeriesSource for Series<S> {
         let line = |(name, (values, steps)): (String, (u64, usize))| {
             format!("field '{name}': {values} values in {steps} steps are beyond the range of f32 and became infinite")
         };
-        self.notes.iter().cloned().chain(by_field.into_iter().map(line)).collect()
+        let differing = self.differing.lock().unwrap_or_else(PoisonError::into_inner);
+        let line_of_joined = |((name, step), count): (&(String, usize), &usize)| {
+            let problem = "points on borders between pieces have another value than in the first piece, which is taken";
+            format!("field '{name}', step {step}: {count} {problem}")
+        };
+        let joined = differing.iter().map(line_of_joined).take(DIFFERING_MAX);
+        self.notes.iter().cloned().chain(by_field.into_iter().map(line)).chain(joined).collect()
     }
 }
 
@@ -282,7 +312,41 @@ impl<S: StepReader> Step<S> {
     }
 }
 
+/// Points that pieces share, as far as all values of points agree in this step.
+fn joints_of<S: StepReader>(step: &Step<S>, mesh: &RawMesh, fields: &[FieldInfo]) -> FileResult<Option<Joints>> {
+    let pieces = step.reader.pieces();
+    if pieces.len() < 2 {
+        return Ok(None);
+    }
+    let mut pairs = coincident(&mesh.points, pieces.iter().map(|piece| piece.counts().0));
+    let mut values = Vec::new();
+    for field in fields.iter().filter(|field| field.association == Association::Point) {
+        let decoded = step.field(field, 0)?;
+        for component in 0..field.components {
+            if pairs.is_empty() {
+                return Ok(None);
+            }
+            values.clear();
+            for (piece, array) in pieces.iter().zip(decoded.iter()) {
+                piece.values(array).component(field.components, component, &mut values);
+            }
+            pairs.retain(|&[point, first]| agree(values[point as usize], values[first as usize]));
+        }
+    }
+    Ok(Joints::of(pairs, mesh.points.len()))
+}
+
 impl Shape {
+    /// Values of the mesh's points or cells in place of those of all pieces. Returns how many joined points had differing values.
+    fn select<T: Copy>(&self, of: Association, values: &mut Vec<T>, agree: impl Fn(T, T) -> bool) -> usize {
+        match (of, &self.kept, &self.joints) {
+            (Association::Cell, Some(kept), _) => gather(values, kept),
+            (Association::Point, _, Some(joints)) => return joints.gather(values, agree),
+            _ => {}
+        }
+        0
+    }
+
     fn of(step: &impl StepReader, grid: GridReader) -> FileResult<Self> {
         Ok(Self {
             points: grid.mesh.points.len(),
@@ -291,6 +355,7 @@ impl Shape {
             points_hash: hash_points(&grid.mesh),
             cells_hash: hash_cells(&grid),
             kept: grid.kept(),
+            joints: None,
         })
     }
 }

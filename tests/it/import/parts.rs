@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use tempfile::TempDir;
 use tetreel::field::{Component, SeriesSource};
 use tetreel::import;
+use tetreel::mesh::Mesh;
 
 fn pvtu(pieces: &[&str]) -> String {
     let pieces: String = pieces.iter().map(|piece| format!("<Piece Source=\"{piece}\"/>")).collect();
@@ -107,4 +108,48 @@ fn a_piece_that_is_missing_or_damaged_is_named() {
         let error = import::open(&at(name)).err().expect("is refused").to_string();
         assert!(error.contains(expected), "{error}");
     }
+}
+
+#[test]
+fn points_that_pieces_share_are_one_where_their_values_agree_in_the_first_step() {
+    let whole = Grid::default();
+    let folder = tempfile::tempdir().expect("a folder");
+    let put = |name: &str, text: &str| fs::write(folder.path().join(name), text).expect("a file");
+    // A piece of each cell, with the points of that cell alone. In the second step, the pieces disagree at one point.
+    for step in 0..2 {
+        for (cell, (of_type, vertices)) in whole.cells.iter().enumerate() {
+            let points: Vec<_> = vertices.iter().map(|&v| whole.points[v as usize]).collect();
+            let mut values: Vec<f64> = vertices.iter().map(|&v| v as f64).collect();
+            if (step, cell) == (1, 1) {
+                values[1] += 0.5;
+            }
+            let numbers = (0..vertices.len()).collect();
+            let piece = Grid {
+                points,
+                cells: vec![(*of_type, numbers)],
+                point_arrays: vec![("T", 1, values)],
+                cell_arrays: vec![("c", 1, vec![cell as f64])],
+                time: Some(f64::from(step)),
+                ..Grid::default()
+            };
+            put(&format!("{cell}_{step}.vtu"), &piece.text());
+        }
+        put(&format!("{step}.pvtu"), &pvtu(&[&format!("0_{step}.vtu"), &format!("1_{step}.vtu")]));
+    }
+    let paths = [0, 1].map(|step| folder.path().join(format!("{step}.pvtu")));
+    let source = import::open_many(&paths).expect("opens");
+    let mesh = source.mesh().expect("a mesh");
+    assert_eq!((mesh.points.len(), mesh.cells.len()), (whole.points.len(), 2));
+    let (built, report) = Mesh::build(mesh).expect("builds");
+    assert_eq!((report.boundary_faces, built.topology.tets.len()), (6, 2), "the face between them is no border");
+    let mut values = read(source.as_ref(), 0, 0);
+    values.sort_by(f32::total_cmp);
+    assert_eq!(values, [0.0, 1.0, 2.0, 3.0, 4.0]);
+    assert!(source.notes().iter().any(|note| note == "joined 3 points on borders between pieces"));
+    assert_eq!(read(source.as_ref(), 0, 1).len(), 5);
+    let notes = source.notes().join("; ");
+    assert!(notes.contains("field 'T', step 1: 1 points on borders"), "{notes}");
+    // Pieces that disagree in the first step stay apart.
+    let apart = import::open(&paths[1]).expect("opens");
+    assert_eq!(apart.mesh().expect("a mesh").points.len(), 6);
 }
