@@ -12,6 +12,9 @@ use glam::DVec3;
 use std::hash::{Hash, Hasher};
 use std::path::Path;
 
+/// Most points per byte of a file that does not list them: those of an array of bits.
+const POINTS_PER_BYTE: usize = 8;
+
 /// The mesh of a file, whose numbers are not read yet.
 #[derive(Debug)]
 pub(super) enum Geometry {
@@ -44,13 +47,17 @@ impl Geometry {
     /// If a part is missing, or sizes contradict each other.
     pub(super) fn of(path: &Path, header: &mut Header, bytes: usize) -> FileResult<Self> {
         let lacks = |what: &str| FileError::invalid(path, "", format!("has no {what}")).remedy("write the file again");
-        let lattice = |size: Option<Size>| match size {
+        let lattice_of = |size: Option<Size>| match size {
             Some(Size::Dimensions(dims)) => Ok((Lattice::of(dims, bytes), [0; 3])),
             Some(Size::Extent(extent)) => Ok((Lattice::of_extent(extent, bytes), [extent[0], extent[2], extent[4]])),
             None => Err(lacks("DIMENSIONS")),
         };
         let lattice = |size| {
-            let (lattice, first) = lattice(size)?;
+            let (lattice, first) = lattice_of(size)?;
+            let lattice = lattice.and_then(|lattice: Lattice| match lattice.points() {
+                points if points <= bytes.saturating_mul(POINTS_PER_BYTE) => Ok(lattice),
+                points => Err(format!("claims {points} points in a file of {bytes} bytes")),
+            });
             Ok((lattice.map_err(|problem| FileError::invalid(path, "DIMENSIONS", problem))?, first))
         };
         Ok(match header.dataset {

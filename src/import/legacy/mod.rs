@@ -5,10 +5,13 @@
 //! words; its numbers are parsed when they are asked for. Binary numbers, the highest byte first, are read in place.
 
 mod array;
+mod attributes;
 mod cursor;
 mod grid;
 mod header;
 mod step;
+#[cfg(test)]
+mod tests;
 
 pub(super) use step::LegacyStep;
 
