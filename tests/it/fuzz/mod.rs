@@ -22,13 +22,14 @@ use targets::{TARGETS, Target};
 const CORPUS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/fuzz/corpus");
 
 /// Further seeds of a target: files of that extension in a folder of the tests.
-const FURTHER: &[(&str, &str, &str)] = &[("vtu", "tests/data/vtu", "vtu")];
+const FURTHER: &[(&str, &str, &str)] = &[("vtu", "tests/data/vtu", "vtu"), ("vtk", "tests/data/vtk", "vtk")];
 
 /// Mutants of each target; fewer where each is a folder of many files, or one that is decompressed.
 const MUTANTS: &[(&str, u64)] = &[
     ("vtu", 1500),
     ("pvd", 500),
     ("parts", 800),
+    ("vtk", 1500),
     ("xdmf", 1200),
     ("transfer_function", 800),
     ("color_maps", 800),
@@ -91,6 +92,7 @@ replayed! {
     any_bytes_are_a_vtu_file_or_an_error: "vtu";
     any_bytes_are_a_collection_or_an_error: "pvd";
     any_bytes_are_files_in_parts_or_an_error: "parts";
+    any_bytes_are_a_legacy_file_or_an_error: "vtk";
     any_bytes_are_an_xdmf_series_or_an_error: "xdmf";
     any_bytes_are_a_transfer_function_or_an_error: "transfer_function";
     any_bytes_are_colour_maps_or_an_error: "color_maps";

@@ -181,7 +181,52 @@ fn parts(to: &Path) {
     let list = br#"{"files": [{"name": "a.vtu", "time": -1e3}, {"name": "a.vtu", "time": 2.5}]}"#;
     let all = [("fuzzed.vtu.series", &list[..], false), ("a.vtu", grid.as_bytes(), false)];
     put(to, "parts", "plain", &pack(all));
+    let list = br#"{"files": [{"name": "a.vtk", "time": 1}, {"name": "b.vtk", "time": 2.5}]}"#;
+    let files = [("a.vtk", LEGACY), ("b.vtk", LEGACY)].map(|(name, bytes)| (name, bytes, false));
+    put(to, "parts", "legacy", &pack([("fuzzed.vtu.series", &list[..], false)].into_iter().chain(files)));
+    put(to, "vtk", "attributes", LEGACY);
 }
+
+/// A legacy file of VTK with attributes of all kinds.
+const LEGACY: &[u8] = b"# vtk DataFile Version 3.0
+all attributes
+ASCII
+DATASET STRUCTURED_POINTS
+FIELD FieldData 2 CYCLE 1 1 int 7 TIME 1 1 double 0.25
+DIMENSIONS 2 2 2
+ASPECT_RATIO 1 0.5 2
+ORIGIN 0 -1e3 0
+POINT_DATA 8
+SCALARS s%20t short
+LOOKUP_TABLE colours
+1 2 3 4 5 6 7 8
+LOOKUP_TABLE colours 1
+0.1 0.2 0.3 1
+COLOR_SCALARS c 1 0 0 0 0 0 0 0 1
+VECTORS v float
+1 0 0 1 0 0 1 0 0 1 0 0 1 0 0 1 0 0 1 0 0 -1e-3 nan inf
+METADATA
+COMPONENT_NAMES
+x
+
+z
+INFORMATION 1
+NAME L2_NORM_RANGE LOCATION vtkDataArray
+DATA 2 0 1
+
+TENSORS6 t double
+1 2 3 4 5 6 1 2 3 4 5 6 1 2 3 4 5 6 1 2 3 4 5 6
+1 2 3 4 5 6 1 2 3 4 5 6 1 2 3 4 5 6 1 2 3 4 5 6
+TEXTURE_COORDINATES tc 1 float 1 2 3 4 5 6 7 8
+CELL_DATA 1
+FIELD f 4
+ids 2 1 vtkIdType 7 8
+NULL_ARRAY
+texts 1 1 string
+a b
+vtkGhostType 1 1 unsigned_char
+0
+";
 
 /// The files below a folder as one input, chunks without their checksums.
 fn packed(root: &Path) -> Vec<u8> {

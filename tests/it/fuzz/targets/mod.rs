@@ -31,9 +31,10 @@ pub struct Target {
 
 /// All targets.
 pub const TARGETS: &[Target] = &[
-    Target { name: "vtu", run: vtu },
+    Target { name: "vtu", run: |bytes| file_of(bytes, "fuzzed.vtu") },
     Target { name: "pvd", run: |bytes| series_of(bytes, "fuzzed.pvd") },
     Target { name: "parts", run: |bytes| series_of(bytes, "fuzzed.vtu.series") },
+    Target { name: "vtk", run: |bytes| file_of(bytes, "fuzzed.vtk") },
     Target { name: "xdmf", run: |bytes| series_of(bytes, "fuzzed.xdmf") },
     Target { name: "transfer_function", run: transfer_function },
     Target { name: "color_maps", run: color_maps },
@@ -89,8 +90,9 @@ impl Folder {
     }
 }
 
-fn vtu(bytes: &[u8]) -> Outcome {
-    let (folder, path) = Folder::with("fuzzed.vtu", bytes);
+/// A file that is a series by itself.
+fn file_of(bytes: &[u8], name: &str) -> Outcome {
+    let (folder, path) = Folder::with(name, bytes);
     folder.judge(read_series(&path))
 }
 
