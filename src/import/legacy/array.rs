@@ -58,7 +58,7 @@ impl Kind {
 }
 
 impl Cursor<'_> {
-    /// The array of this name whose type is the next word, or [`Self::array_of`] that type.
+    /// The array of this name whose type is the next word, as [`Self::array_of`].
     pub(super) fn array(&mut self, name: &str, tuples: usize, components: usize) -> FileResult<Array> {
         let word = self.needed("type of an array")?;
         self.array_of(name, word, tuples, components)
@@ -91,7 +91,7 @@ impl Cursor<'_> {
                 return Ok((kind, start..self.at));
             }
             Kind::Variants => {
-                let words = count.checked_mul(2).unwrap_or(usize::MAX);
+                let words = count.saturating_mul(2);
                 return Ok((kind, self.words(words, what)?));
             }
             _ if !self.is_binary => {
@@ -113,7 +113,7 @@ impl Cursor<'_> {
             other => other,
         };
         let bytes = match kind {
-            Kind::Numbers(number) => count.checked_mul(number.size()).unwrap_or(usize::MAX),
+            Kind::Numbers(number) => count.saturating_mul(number.size()),
             _ => count.div_ceil(8),
         };
         Ok((kind, self.block(bytes, what)?))

@@ -3,7 +3,7 @@
 use super::array::{Array, Kind};
 use super::cursor::shown;
 use super::header::{Parser, TIME_ARRAYS};
-use crate::error::FileResult;
+use crate::error::{FileError, FileResult};
 use crate::field::Association;
 
 impl Parser<'_> {
@@ -35,41 +35,37 @@ impl Parser<'_> {
             return Err(self.cursor.invalid(problem));
         };
         let name = decoded(self.cursor.needed("name of an array")?);
-        match lower {
-            b"scalars" => {
-                let array = self.scalars(&name, count)?;
-                self.add(association, count, array);
-            }
+        let array = match lower {
             b"lookup_table" => {
                 let colors = self.cursor.number("number of colours")?;
-                self.colors(&name, colors, 4)?;
+                return self.colors(&name, colors, 4);
             }
             b"color_scalars" => {
                 let components = self.cursor.number("number of components")?;
-                self.colors(&name, count, components)?;
                 self.header.left_out.push(format!("'{name}' (holds colours)"));
+                return self.colors(&name, count, components);
             }
+            b"scalars" => self.scalars(&name, count)?,
             b"texture_coordinates" => {
                 let components = self.cursor.number("number of components")?;
-                let array = self.cursor.array(&name, count, components)?;
-                self.add(association, count, array);
+                self.cursor.array(&name, count, components)?
             }
-            _ => {
-                let array = self.cursor.array(&name, count, components)?;
-                self.add(association, count, array);
-            }
-        }
+            _ => self.cursor.array(&name, count, components)?,
+        };
+        self.add(association, count, array);
         Ok(())
     }
 
     fn scalars(&mut self, name: &str, count: usize) -> FileResult<Array> {
         let cursor = &mut self.cursor;
         let word = cursor.needed("type of an array")?;
-        let components =
-            if cursor.is_next("LOOKUP_TABLE") { 1 } else { cursor.number::<usize>("number of components")? };
+        let named = |error: FileError| error.remedy("add a line 'LOOKUP_TABLE default' before the numbers");
+        let components = match cursor.is_next("LOOKUP_TABLE") {
+            true => 1,
+            false => cursor.number("number of components").map_err(named)?,
+        };
         if !cursor.is_next("LOOKUP_TABLE") {
-            let problem = format!("SCALARS '{name}' has no LOOKUP_TABLE");
-            return Err(cursor.invalid(problem).remedy("add a line 'LOOKUP_TABLE default' before the numbers"));
+            return Err(named(cursor.invalid(format!("SCALARS '{name}' has no LOOKUP_TABLE"))));
         }
         cursor.word();
         cursor.needed("name of a lookup table")?;

@@ -237,6 +237,7 @@ mod tests {
             ("DATASET STRUCTURED_GRID\nDIMENSIONS 1 -2 3", "line 5: '-2' is no number of points"),
             ("VECTORS v float", "stands before POINT_DATA"),
             ("POINT_DATA 1 SCALARS s float 1 LOOKUP_TABLE", "ends before the name of a lookup table"),
+            ("POINT_DATA 1 SCALARS s float 0.5", "LOOKUP_TABLE default"),
             ("POINT_DATA 1 SCALARS s float 1 0.5", "add a line 'LOOKUP_TABLE default'"),
             ("POINT_DATA 1 POINT_DATA 2", "was 1, and is 2"),
             ("CELLS 3 2 1 1", "3 cells in 2 numbers"),

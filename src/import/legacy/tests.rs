@@ -120,7 +120,9 @@ fn open_files(files: &[(&str, &[u8])]) -> (tempfile::TempDir, FileResult<Box<dyn
 }
 
 /// All that a file has: its mesh, cell numbers, notes, and values of the first component of each field.
-fn contents(bytes: &[u8]) -> Result<(RawMesh, Vec<u32>, String, Vec<Vec<f32>>), String> {
+type Contents = (RawMesh, Vec<u32>, String, Vec<Vec<f32>>);
+
+fn contents(bytes: &[u8]) -> Result<Contents, String> {
     let (_folder, source) = open_files(&[("a.vtk", bytes)]);
     let source = source.map_err(|error| error.to_string())?;
     let mesh = source.mesh().map_err(|error| error.to_string())?;
