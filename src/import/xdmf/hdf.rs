@@ -35,8 +35,7 @@ pub(super) fn read(path: &Path, name: &str, dims: &[u64], slab: Option<&[SlabAxi
         return Err(invalid(problem).remedy("correct the Dimensions of its DataItem"));
     }
     let all = dataset.shape().iter().try_fold(number.size() as u64, |n, &d| n.checked_mul(d));
-    let limit = file_bytes.saturating_mul(RATIO_MAX).saturating_add(UNWRITTEN_MAX);
-    if all.is_none_or(|bytes| bytes > limit) {
+    if all.is_none_or(|bytes| bytes > decoded_max(file_bytes)) {
         let problem = format!("claims the shape {:?} in a file of {file_bytes} bytes", dataset.shape());
         return Err(invalid(problem).remedy("write the file again with all its values"));
     }
@@ -47,6 +46,11 @@ pub(super) fn read(path: &Path, name: &str, dims: &[u64], slab: Option<&[SlabAxi
     let selection = selection(slab, dataset.shape()).map_err(invalid)?;
     let bytes = read_slab(&dataset, number, &selection).map_err(damaged)?;
     Ok(Numbers { number, big_endian: false, bytes })
+}
+
+/// Most bytes that a data set of a file of this size may claim.
+pub(in crate::import) fn decoded_max(file_bytes: u64) -> u64 {
+    file_bytes.saturating_mul(RATIO_MAX).saturating_add(UNWRITTEN_MAX)
 }
 
 /// The reader's error as a [`FileError`], by kind.
@@ -66,7 +70,8 @@ fn failure(path: &Path, place: String, error: &hdf5_reader::error::Error) -> Fil
     }
 }
 
-fn innermost(error: &hdf5_reader::error::Error) -> &hdf5_reader::error::Error {
+/// An error without the contexts around it.
+pub(in crate::import) fn innermost(error: &hdf5_reader::error::Error) -> &hdf5_reader::error::Error {
     match error {
         hdf5_reader::error::Error::Context { source, .. } => innermost(source),
         other => other,
