@@ -1,6 +1,6 @@
 //! The supported input formats.
 
-use super::{legacy, parts, pvd, vtu, xdmf};
+use super::{exodus, legacy, parts, pvd, vtu, xdmf};
 use crate::error::FileResult;
 use crate::field::SeriesSource;
 use std::path::{Path, PathBuf};
@@ -37,6 +37,7 @@ pub const FORMATS: &[Format] = &[
     legacy::FORMAT,
     parts::SERIES,
     xdmf::FORMAT,
+    exodus::FORMAT,
 ];
 
 impl Format {
@@ -81,6 +82,6 @@ mod tests {
             assert!(Format::of(Path::new(&format!("a.{}", extension.to_uppercase()))).is_some());
         }
         assert!(FORMATS.iter().all(|format| Format::list().contains(format.name)));
-        assert_eq!(Format::extensions(), ".pvd, .vtu, .pvtu, .vtm, .vti, .vtr, .vts, .vtk, .series, .xdmf");
+        assert_eq!(Format::extensions(), ".pvd, .vtu, .pvtu, .vtm, .vti, .vtr, .vts, .vtk, .series, .xdmf, .e");
     }
 }

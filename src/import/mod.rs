@@ -10,12 +10,14 @@
 //! | `.vtu.series`, ... | ParaView's list of such files with their times in JSON | `parts` |
 //! | `.pvd` | ParaView's list of these files, each with its time | `pvd` |
 //! | `.xdmf`, `.xmf` | XDMF: an XML file with the arrays of a series in HDF5 or binary files beside it | `xdmf` |
+//! | `.e`, `.exo`, `.g`, ... | Exodus II in any format of netCDF: a mesh in blocks, and all steps | `exodus` |
 //!
 //! A reader yields a [`SeriesSource`]; another format is a folder here and a line of [`FORMATS`].
 
 mod cache;
 mod cell_list;
 mod cells;
+mod exodus;
 mod format;
 mod joined;
 mod joints;
@@ -92,6 +94,9 @@ fn only_of_one_kind() -> String {
 }
 
 fn unsupported(path: &Path) -> FileError {
+    if let Some((problem, remedy)) = exodus::refused_part(path) {
+        return FileError::unsupported(path, "", problem).remedy(remedy);
+    }
     let problem = match extension(path).as_str() {
         "" => "a file or folder without an extension is not read".to_owned(),
         extension => format!("files of kind .{extension} are not read"),

@@ -1,0 +1,208 @@
+//! A step of a file. Its mesh is that of all steps.
+
+use super::super::cells::GridReader;
+use super::super::numbers::{Number, Numbers, Values};
+use super::super::pieces::Piece;
+use super::super::series::StepReader;
+use super::blocks::Block;
+use super::database::{Database, Source, element_name};
+use super::faces::FaceBlocks;
+use crate::error::{FileError, FileResult};
+use crate::field::FieldInfo;
+use glam::DVec3;
+use std::hash::{DefaultHasher, Hash};
+use std::path::Path;
+use std::sync::Arc;
+
+/// A step: the file, and where the step is in it.
+#[derive(Clone)]
+pub(super) struct ExodusStep {
+    pieces: [Whole; 1],
+}
+
+/// The whole mesh.
+#[derive(Clone)]
+pub(super) struct Whole {
+    database: Arc<Database>,
+    step: usize,
+}
+
+impl ExodusStep {
+    pub(super) fn new(database: Arc<Database>, step: usize) -> Self {
+        Self { pieces: [Whole { database, step }] }
+    }
+}
+
+impl StepReader for ExodusStep {
+    type Origin = Self;
+    type Piece = Whole;
+
+    fn open(origin: &Self) -> FileResult<Self> {
+        Ok(origin.clone())
+    }
+
+    fn path(&self) -> &Path {
+        self.pieces[0].path()
+    }
+
+    fn bytes(&self) -> usize {
+        0
+    }
+
+    fn pieces(&self) -> &[Whole] {
+        &self.pieces
+    }
+}
+
+impl Piece for Whole {
+    type Array = Numbers;
+
+    fn path(&self) -> &Path {
+        self.database.netcdf.path()
+    }
+
+    fn counts(&self) -> (usize, usize) {
+        (self.database.points, self.database.cells())
+    }
+
+    fn add_to(&self, grid: &mut GridReader) -> FileResult<()> {
+        let Database { netcdf, points, blocks, .. } = &*self.database;
+        let (points, cells) = (*points, self.database.cells());
+        grid.check_room(self.path(), "", points, cells)?;
+        let first_point = grid.mesh.points.len();
+        self.add_points(grid)?;
+        let (mut faces, mut first) = (FaceBlocks::default(), 0);
+        for block in blocks {
+            block.add_to(netcdf, grid, &mut faces, first, (points, first_point))?;
+            first += block.cells;
+        }
+        grid.cells += cells;
+        Ok(())
+    }
+
+    /// The mesh is the same at all steps of a file.
+    fn hash_mesh(&self, state: &mut DefaultHasher) -> FileResult<()> {
+        self.path().hash(state);
+        Ok(())
+    }
+
+    fn arrays(&self) -> Vec<FieldInfo> {
+        self.database.arrays.iter().map(|array| array.field.clone()).collect()
+    }
+
+    fn left_out(&self) -> Vec<String> {
+        self.database.left_out.clone()
+    }
+
+    fn decode(&self, array: usize) -> FileResult<Numbers> {
+        let no_array = || FileError::invalid(self.path(), "", "has no such array");
+        let array = self.database.arrays.get(array).ok_or_else(no_array)?;
+        match &array.source {
+            Source::Blocks => {
+                let of_block = |block: &Block| std::iter::repeat_n(block.id, block.cells);
+                let mut out = Tuples::new(1, self.database.cells(), false);
+                out.put(0, 0, self.database.blocks.iter().flat_map(of_block));
+                Ok(out.numbers)
+            }
+            Source::Nodes(numbers) => {
+                let names: Vec<String> = numbers.iter().map(|number| format!("vals_nod_var{number}")).collect();
+                self.nodes(names.iter().map(|name| (name.as_str(), None)))
+            }
+            Source::NodesTogether(places) => {
+                self.nodes(places.iter().map(|&place| ("vals_nod_var", Some(place as u64))))
+            }
+            Source::Elements(variables) => self.elements(variables),
+        }
+    }
+
+    fn values<'a>(&'a self, array: &'a Numbers) -> Values<'a> {
+        array.values()
+    }
+}
+
+impl Whole {
+    fn add_points(&self, grid: &mut GridReader) -> FileResult<()> {
+        let Database { netcdf, points, axes, .. } = &*self.database;
+        let all = &mut grid.mesh.points;
+        let first = all.len();
+        let shape = [*points as u64];
+        for (axis, name) in ["coordx", "coordy", "coordz"].into_iter().take(*axes).enumerate() {
+            let is_together = netcdf.shape("coord").is_some();
+            let numbers = if is_together {
+                netcdf.read("coord", &[axis as u64], &shape)?
+            } else {
+                netcdf.read(name, &[], &shape)?
+            };
+            all.resize(first + numbers.len(), DVec3::ZERO);
+            all[first..].iter_mut().zip(numbers).for_each(|(point, number)| point[axis] = number);
+        }
+        Ok(())
+    }
+
+    /// The values of nodes: for each component a variable, and the index along its second axis if it has one.
+    fn nodes<'a>(&self, components: impl Iterator<Item = (&'a str, Option<u64>)> + Clone) -> FileResult<Numbers> {
+        let Database { netcdf, points, .. } = &*self.database;
+        let width = components.clone().count();
+        let is_f32 = components.clone().all(|(name, _)| netcdf.is_f32(name));
+        let mut out = None;
+        for (component, (name, place)) in components.enumerate() {
+            let at = [Some(self.step as u64), place].into_iter().flatten().collect::<Vec<u64>>();
+            let numbers = netcdf.read(name, &at, &[*points as u64])?;
+            // Room is made for what was read, not for what is claimed.
+            let out = out.get_or_insert_with(|| Tuples::new(width, numbers.len(), is_f32));
+            out.put(component, 0, numbers);
+        }
+        Ok(out.unwrap_or_else(|| Tuples::new(1, 0, is_f32)).numbers)
+    }
+
+    /// The values of elements; NaN in blocks without them.
+    fn elements(&self, variables: &[usize]) -> FileResult<Numbers> {
+        let Database { netcdf, blocks, .. } = &*self.database;
+        let has = |variable: usize, block: &&Block| self.database.has(variable, block);
+        let all = variables.iter().flat_map(|&variable| {
+            blocks.iter().filter(move |block| has(variable, block)).map(move |block| element_name(variable, block))
+        });
+        let is_f32 = all.into_iter().all(|name| netcdf.is_f32(&name));
+        let mut out = Tuples::new(variables.len(), self.database.cells(), is_f32);
+        for (component, &variable) in variables.iter().enumerate() {
+            let mut first = 0;
+            for block in blocks {
+                if has(variable, &block) {
+                    let name = element_name(variable, block);
+                    out.put(component, first, netcdf.read(&name, &[self.step as u64], &[block.cells as u64])?);
+                } else {
+                    out.put(component, first, std::iter::repeat_n(f64::NAN, block.cells));
+                }
+                first += block.cells;
+            }
+        }
+        Ok(out.numbers)
+    }
+}
+
+/// Tuples that are filled component by component.
+struct Tuples {
+    numbers: Numbers,
+    width: usize,
+}
+
+impl Tuples {
+    fn new(width: usize, tuples: usize, is_f32: bool) -> Self {
+        let number = if is_f32 { Number::Float32 } else { Number::Float64 };
+        let bytes = vec![0; number.size() * width * tuples];
+        Self { numbers: Numbers { number, big_endian: false, bytes }, width }
+    }
+
+    /// Sets a component of the tuples from the first one on.
+    fn put(&mut self, component: usize, first: usize, values: impl IntoIterator<Item = f64>) {
+        let size = self.numbers.number.size();
+        let tuples = self.numbers.bytes.chunks_exact_mut(size * self.width).skip(first);
+        for (tuple, value) in tuples.zip(values) {
+            let place = &mut tuple[component * size..(component + 1) * size];
+            match self.numbers.number {
+                Number::Float32 => place.copy_from_slice(&(value as f32).to_le_bytes()),
+                _ => place.copy_from_slice(&value.to_le_bytes()),
+            }
+        }
+    }
+}
