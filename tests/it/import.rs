@@ -1,6 +1,7 @@
 //! Tests of `import` across modules: files written by VTK, series on disk, and damaged files.
 
 mod damage;
+mod exodus;
 mod legacy;
 mod parts;
 pub mod series;

@@ -31,6 +31,7 @@ const MUTANTS: &[(&str, u64)] = &[
     ("parts", 800),
     ("vtk", 1500),
     ("xdmf", 1200),
+    ("exodus", 1200),
     ("transfer_function", 800),
     ("color_maps", 800),
     ("settings", 400),
@@ -94,6 +95,7 @@ replayed! {
     any_bytes_are_files_in_parts_or_an_error: "parts";
     any_bytes_are_a_legacy_file_or_an_error: "vtk";
     any_bytes_are_an_xdmf_series_or_an_error: "xdmf";
+    any_bytes_are_an_exodus_file_or_an_error: "exodus";
     any_bytes_are_a_transfer_function_or_an_error: "transfer_function";
     any_bytes_are_colour_maps_or_an_error: "color_maps";
     any_bytes_are_settings_or_a_notice: "settings";

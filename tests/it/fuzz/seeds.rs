@@ -41,6 +41,7 @@ fn write_all(to: &Path) {
     blocks(to);
     xdmf_and_pvd(to);
     parts(to);
+    exodus(to);
     images(to);
     transfer_functions(to);
     texts(to);
@@ -227,6 +228,14 @@ a b
 vtkGhostType 1 1 unsigned_char
 0
 ";
+
+/// The files of the tests.
+fn exodus(to: &Path) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/exodus");
+    for name in ["cdf1", "cdf2", "cdf5", "netcdf4"] {
+        put(to, "exodus", name, &fs::read(folder.join(format!("{name}.e"))).unwrap());
+    }
+}
 
 /// The files below a folder as one input, chunks without their checksums.
 fn packed(root: &Path) -> Vec<u8> {

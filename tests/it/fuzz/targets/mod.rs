@@ -36,6 +36,7 @@ pub const TARGETS: &[Target] = &[
     Target { name: "parts", run: |bytes| series_of(bytes, "fuzzed.vtu.series") },
     Target { name: "vtk", run: |bytes| file_of(bytes, "fuzzed.vtk") },
     Target { name: "xdmf", run: |bytes| series_of(bytes, "fuzzed.xdmf") },
+    Target { name: "exodus", run: |bytes| file_of(bytes, "fuzzed.e") },
     Target { name: "transfer_function", run: transfer_function },
     Target { name: "color_maps", run: color_maps },
     Target { name: "settings", run: settings },
