@@ -9,10 +9,12 @@ use crate::mesh::POLYHEDRON_VTK_TYPE;
 /// Largest index: beyond it, f64 skips integers.
 const MAX_INDEX: f64 = 9_007_199_254_740_992.0;
 
-/// Types of elements by the beginning of their names: the types of VTK for numbers of nodes, and that for any other number. Corners come
-/// first in all, in VTK's order.
+/// The beginning of the names of a type of elements, the types of VTK for numbers of nodes, and that for any other number.
+type ElementType = (&'static str, &'static [(u64, u8)], u8);
+
+/// All types. Corners come first in all, in VTK's order.
 #[rustfmt::skip]
-const ELEMENT_TYPES: &[(&str, &[(u64, u8)], u8)] = &[
+const ELEMENT_TYPES: &[ElementType] = &[
     ("HEX", &[(8, 12), (20, 25), (24, 33), (27, 29)], 72), ("TET", &[(4, 10), (10, 24)], 71),
     ("WED", &[(6, 13), (12, 31), (15, 26), (18, 32)], 73), ("PYR", &[(5, 14), (13, 27), (19, 37)], 74),
     ("TRI", &[], 5), ("SHE", &[(3, 5), (6, 5)], 9), ("QUA", &[], 9), ("BAR", &[], 3), ("BEA", &[], 3), ("TRU", &[], 3),
@@ -61,7 +63,8 @@ impl Block {
             let name = names.get(number - 1).cloned().unwrap_or_default();
             let block = Self::of(netcdf, number, (id, name), cells)?;
             // Values that a block lacks are made up for its elements.
-            numbers = numbers.saturating_add(netcdf.check_shape(&block.list, 0, &block.shape)?);
+            let of_block = netcdf.check_shape(&block.list, 0, &block.shape)?.max(cells as u64);
+            numbers = numbers.saturating_add(of_block);
             if !netcdf.can_hold(numbers) {
                 return Err(
                     netcdf.invalid(&block.list, "claims more than the file can hold, with the blocks before it")

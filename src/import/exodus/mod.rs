@@ -1,7 +1,7 @@
 //! Reader of Exodus II files: netCDF in any of its formats, with a mesh in blocks of elements and the values of all steps.
 //!
 //! The mesh is read when it is asked for, values one variable and one step at a time. Variables that differ in their last letters alone are
-//! the components of one array (`disp_x`, `disp_y`, `disp_z`), as ParaView has it.
+//! the components of one array: `disp_x`, `disp_y`, `disp_z`.
 
 mod blocks;
 mod database;
