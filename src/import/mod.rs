@@ -29,6 +29,7 @@ mod parts;
 mod pieces;
 mod pvd;
 mod series;
+mod tally;
 mod timed;
 mod vtu;
 mod xdmf;

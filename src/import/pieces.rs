@@ -62,26 +62,26 @@ pub(super) fn fields_of(pieces: &[impl Piece]) -> (Vec<FieldInfo>, Vec<String>) 
     (fields, left_out)
 }
 
-/// Reads a field of a piece; `step` is for messages.
+/// Reads a field of a piece; `None` if the piece has no such array. `step` is for messages.
 ///
 /// # Errors
-/// If the piece lacks it, or has it with another number of components, or its data are damaged.
-pub(super) fn decode<P: Piece>(piece: &P, field: &FieldInfo, step: usize) -> FileResult<P::Array> {
+/// If the piece has it with another number of components or in a way that is not read, or its data are damaged.
+pub(super) fn decode<P: Piece>(piece: &P, field: &FieldInfo, step: usize) -> FileResult<Option<P::Array>> {
     let invalid = |problem: String| {
         FileError::invalid(piece.path(), format!("step {step}"), problem).remedy("leave that step or that field out")
     };
     let arrays = piece.arrays();
     let found = arrays.iter().position(|of| (of.association, &of.name) == (field.association, &field.name));
     let Some(found) = found else {
-        let kind = if field.association == Association::Point { "point" } else { "cell" };
         let prefix = format!("'{}' (", field.name);
-        let reason = piece.left_out().into_iter().find(|text| text.starts_with(&prefix));
-        let reason = reason.map_or(String::new(), |text| format!(": {text}"));
-        return Err(invalid(format!("has no {kind} array '{}'{reason}", field.name)));
+        return match piece.left_out().into_iter().find(|text| text.starts_with(&prefix)) {
+            Some(reason) => Err(invalid(format!("lacks a field of the first step: {reason}"))),
+            None => Ok(None),
+        };
     };
     let (new, old) = (arrays[found].components, field.components);
     if new != old {
         return Err(invalid(format!("array '{}' has {new} components, but {old} in the first step", field.name)));
     }
-    piece.decode(found)
+    piece.decode(found).map(Some)
 }

@@ -4,10 +4,10 @@ use super::cache::StepCache;
 use super::cells::GridReader;
 use super::joints::{Joints, agree, coincident};
 use super::pieces::{Piece, decode, fields_of};
+use super::tally::Tally;
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, FieldInfo, SeriesSource, TimeAxis};
 use crate::mesh::{RawMesh, gather};
-use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -56,11 +56,8 @@ pub(super) trait StepReader: Send + Sync + Sized {
     }
 }
 
-/// The decoded arrays of a field, one for each piece.
-type Arrays<S> = Vec<<<S as StepReader>::Piece as Piece>::Array>;
-
-/// Most steps that are named for values that differ between pieces.
-const DIFFERING_MAX: usize = 8;
+/// The decoded arrays of a field, one for each piece that has it.
+type Arrays<S> = Vec<Option<<<S as StepReader>::Piece as Piece>::Array>>;
 
 /// A series of steps of one format.
 pub(super) struct Series<S: StepReader> {
@@ -71,10 +68,10 @@ pub(super) struct Series<S: StepReader> {
     shape: Shape,
     notes: Vec<String>,
     cache: StepCache<Step<S>>,
-    /// Number of values that became infinite, by field and step, so that reading a step again does not count them again.
-    overflows: Mutex<BTreeMap<(String, usize), u64>>,
-    /// Likewise the number of points that were joined and have other values than the first of them.
-    differing: Mutex<BTreeMap<(String, usize), usize>>,
+    /// Values that became infinite, points that were joined and have other values than the first of them, and values that are missing.
+    overflows: Tally,
+    differing: Tally,
+    missing: Tally,
 }
 
 /// A step in memory, and the field decoded last, for reading its components one after the other.
@@ -151,8 +148,9 @@ impl<S: StepReader> Series<S> {
             shape,
             notes,
             cache,
-            overflows: Mutex::default(),
-            differing: Mutex::default(),
+            overflows: Tally::default(),
+            differing: Tally::default(),
+            missing: Tally::default(),
         })
     }
 
@@ -178,7 +176,13 @@ impl<S: StepReader> Series<S> {
                 format!("step {step}"),
                 format!("the mesh changes between steps 0 and {step}: {what}"),
             )
-            .remedy("import only steps with the same mesh; of a moving mesh, write the displacement as a field")
+            .remedy(match step {
+                1 => "import only steps with the same mesh; of a moving mesh, write the displacement as a field".to_owned(),
+                _ => format!(
+                    "import only steps with the same mesh, as those before it (--steps 0..{}); of a moving mesh, write the displacement as a field",
+                    step - 1
+                ),
+            })
         };
         if (points, cells) != (self.shape.points, self.shape.cells) {
             let (old_points, old_cells) = (self.shape.points, self.shape.cells);
@@ -230,25 +234,21 @@ impl<S: StepReader> SeriesSource for Series<S> {
             check_component(field, index, loaded.reader.path())?;
         }
         let decoded = loaded.field(field, step)?;
-        let mut overflows = 0;
+        let (mut overflows, mut missing) = (0, 0);
         for (piece, array) in loaded.reader.pieces().iter().zip(decoded.iter()) {
+            let Some(array) = array else {
+                missing += pad(piece, field, f32::NAN, out);
+                continue;
+            };
             let values = piece.values(array);
             overflows += match component {
                 Component::Index(index) => values.component(field.components, index, out),
                 Component::Magnitude => values.magnitude(field.components, out),
             };
         }
-        let differing = self.shape.select(field.association, out, agree);
-        if differing > 0 {
-            let mut counts = self.differing.lock().unwrap_or_else(PoisonError::into_inner);
-            let count = counts.entry((field.name.clone(), step)).or_default();
-            *count = differing.max(*count);
-        }
-        if overflows > 0 {
-            let mut counts = self.overflows.lock().unwrap_or_else(PoisonError::into_inner);
-            let count = counts.entry((field.name.clone(), step)).or_default();
-            *count = overflows.max(*count);
-        }
+        self.differing.note(&field.name, step, self.shape.select(field.association, out, agree) as u64);
+        self.overflows.note(&field.name, step, overflows);
+        self.missing.note(&field.name, step, missing);
         Ok(())
     }
 
@@ -258,30 +258,34 @@ impl<S: StepReader> SeriesSource for Series<S> {
         check_component(field, component, loaded.reader.path())?;
         let decoded = loaded.field(field, step)?;
         for (piece, array) in loaded.reader.pieces().iter().zip(decoded.iter()) {
-            piece.values(array).component_f64(field.components, component, out);
+            match array {
+                Some(array) => piece.values(array).component_f64(field.components, component, out),
+                None => self.missing.note(&field.name, step, pad(piece, field, f64::NAN, out)),
+            }
         }
         self.shape.select(field.association, out, |_, _| true);
         Ok(())
     }
 
     fn notes(&self) -> Vec<String> {
-        let mut by_field: BTreeMap<String, (u64, usize)> = BTreeMap::new();
-        for ((name, _), count) in self.overflows.lock().unwrap_or_else(PoisonError::into_inner).iter() {
-            let (values, steps) = by_field.entry(name.clone()).or_default();
-            *values += count;
-            *steps += 1;
-        }
-        let line = |(name, (values, steps)): (String, (u64, usize))| {
-            format!("field '{name}': {values} values in {steps} steps are beyond the range of f32 and became infinite")
-        };
-        let differing = self.differing.lock().unwrap_or_else(PoisonError::into_inner);
-        let line_of_joined = |((name, step), count): (&(String, usize), &usize)| {
+        let overflows = self.overflows.lines(|name, count, steps| {
+            format!("field '{name}': {count} values in {steps} are beyond the range of f32 and became infinite")
+        });
+        let differing = self.differing.lines(|name, count, steps| {
             let problem = "points on borders between pieces have another value than in the first piece, which is taken";
-            format!("field '{name}', step {step}: {count} {problem}")
-        };
-        let joined = differing.iter().map(line_of_joined).take(DIFFERING_MAX);
-        self.notes.iter().cloned().chain(by_field.into_iter().map(line)).chain(joined).collect()
+            format!("field '{name}': {count} {problem}, in {steps}")
+        });
+        let missing = self.missing.lines(|name, _, steps| format!("field '{name}' is missing in {steps}: holes"));
+        [self.notes.clone(), overflows, differing, missing].concat()
     }
+}
+
+/// Appends a value for each point or cell of a piece that lacks a field; returns how many.
+fn pad<T: Copy>(piece: &impl Piece, field: &FieldInfo, value: T, out: &mut Vec<T>) -> u64 {
+    let (points, cells) = piece.counts();
+    let count = if field.association == Association::Point { points } else { cells };
+    out.extend(std::iter::repeat_n(value, count));
+    count as u64
 }
 
 impl<S: StepReader> Step<S> {
@@ -304,7 +308,9 @@ impl<S: StepReader> Step<S> {
         }
         let pieces = self.reader.pieces();
         let arrays = pieces.iter().map(|piece| decode(piece, field, step)).collect::<FileResult<Arrays<S>>>()?;
-        let bytes = pieces.iter().zip(&arrays).map(|(piece, array)| piece.values(array).bytes.len()).sum();
+        let size =
+            |(piece, array): (&S::Piece, &Option<_>)| array.as_ref().map_or(0, |array| piece.values(array).bytes.len());
+        let bytes = pieces.iter().zip(&arrays).map(size).sum();
         let arrays = Arc::new(arrays);
         let (association, name) = (field.association, field.name.clone());
         *decoded = Some(DecodedField { association, name, arrays: arrays.clone(), bytes });
@@ -328,6 +334,7 @@ fn joints_of<S: StepReader>(step: &Step<S>, mesh: &RawMesh, fields: &[FieldInfo]
             }
             values.clear();
             for (piece, array) in pieces.iter().zip(decoded.iter()) {
+                let Some(array) = array else { continue };
                 piece.values(array).component(field.components, component, &mut values);
             }
             pairs.retain(|&[point, first]| agree(values[point as usize], values[first as usize]));

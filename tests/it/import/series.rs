@@ -190,9 +190,20 @@ fn a_step_with_another_mesh_is_refused() {
 }
 
 #[test]
-fn a_field_that_is_missing_or_has_other_components_in_a_step_is_an_error_that_names_both() {
-    let missing = error_of_second(Grid { point_arrays: vec![("U", 1, vec![0.0; 5])], ..Grid::default() });
-    assert!(missing.contains("step 1") && missing.contains("no point array 'T'"), "{missing}");
+fn a_field_that_is_missing_in_a_step_is_a_hole_there() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let without = Grid { point_arrays: vec![("U", 1, vec![0.0; 5])], ..Grid::default() };
+    let source =
+        import::open(&write_series(folder.path(), &[Grid::default(), without, Grid::default()])).expect("opens");
+    assert_eq!(source.fields().len(), 2, "those of the first step");
+    assert!(read(source.as_ref(), 0, 1).expect("holes").iter().all(|value| value.is_nan()));
+    assert_eq!(read(source.as_ref(), 0, 2).expect("values"), [0.0, 1.0, 2.0, 3.0, 4.0]);
+    let note = "field 'T' is missing in 1 step (1): holes";
+    assert!(source.notes().iter().any(|found| found == note), "{:?}", source.notes());
+}
+
+#[test]
+fn a_field_that_has_other_components_in_a_step_is_an_error_that_names_both() {
     let vector = error_of_second(Grid { point_arrays: vec![("T", 3, vec![0.0; 15])], ..Grid::default() });
     assert!(vector.contains("3 components, but 1"), "{vector}");
     let short = error_of_second(Grid { point_arrays: vec![("T", 1, vec![0.0; 4])], ..Grid::default() });
