@@ -19,6 +19,7 @@ mod cell_list;
 mod cells;
 mod exodus;
 mod format;
+mod hdf;
 mod joined;
 mod joints;
 mod lattice;

@@ -1,6 +1,6 @@
 //! Variables of netCDF files: classic, with 64-bit offsets or data, and netCDF-4. A read touches only the numbers that are asked for.
 
-use super::super::xdmf::{decoded_max, innermost};
+use super::super::hdf::{decoded_max, innermost};
 use crate::error::{FileError, FileResult};
 use crate::files;
 use hdf5_reader::storage::DynStorage;

@@ -1,5 +1,6 @@
 //! `DataItem` elements: locating and reading the numbers of an array.
 
+use super::super::hdf::{SlabAxis, product};
 use super::super::numbers::{Number, Numbers, parse_ascii};
 use super::hdf;
 use super::tree::{DEPTH_MAX, Document, Id};
@@ -38,25 +39,6 @@ enum Source {
         file: PathBuf,
         seek: u64,
     },
-}
-
-/// Indices `start`, `start + stride`, ... of one axis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) struct SlabAxis {
-    pub(super) start: u64,
-    /// At least 1.
-    pub(super) stride: u64,
-    pub(super) count: u64,
-}
-
-impl SlabAxis {
-    /// Index behind the last one; `None` if it is beyond u64.
-    pub(super) fn end(&self) -> Option<u64> {
-        match self.count.checked_sub(1) {
-            None => Some(self.start),
-            Some(steps) => steps.checked_mul(self.stride)?.checked_add(self.start)?.checked_add(1),
-        }
-    }
 }
 
 impl Item {
@@ -217,11 +199,6 @@ fn beside(document: &Document, name: &str) -> PathBuf {
     let folder = document.path().parent().unwrap_or(Path::new(""));
     let path = folder.join(name);
     if path.exists() { path } else { Some(folder.join(name.replace('\\', "/"))).filter(|p| p.exists()).unwrap_or(path) }
-}
-
-/// Number of elements of an array of this shape; `None` if it overflows.
-pub(super) fn product(dims: &[u64]) -> Option<u64> {
-    dims.iter().try_fold(1_u64, |n, &d| n.checked_mul(d))
 }
 
 /// The attribute `Dimensions`, slowest axis first.

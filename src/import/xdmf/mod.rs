@@ -15,7 +15,6 @@ use super::series::Series;
 use crate::error::{FileError, FileResult};
 use crate::field::{SeriesSource, TimeAxis};
 use grid::{Geometry, Grid};
-pub(super) use hdf::{decoded_max, innermost};
 use items::Item;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
