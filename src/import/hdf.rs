@@ -148,6 +148,7 @@ fn failure(path: &Path, place: String, error: &hdf5_reader::error::Error, missin
     }
 }
 
+/// An error without the contexts around it.
 pub(super) fn innermost(error: &hdf5_reader::error::Error) -> &hdf5_reader::error::Error {
     match error {
         hdf5_reader::error::Error::Context { source, .. } => innermost(source),

@@ -18,6 +18,7 @@ mod cache;
 mod cell_list;
 mod cells;
 mod exodus;
+mod faces;
 mod format;
 mod hdf;
 mod joined;

@@ -2,7 +2,7 @@
 
 use super::super::cell_list::{CellList, GHOST_ARRAY};
 use super::super::cells::GridReader;
-use super::faces::FacesOfCells;
+use super::faces::read_faces;
 use super::{ArrayInfo, Piece, VtuFile};
 use crate::error::{FileError, FileResult};
 use crate::mesh::POLYHEDRON_VTK_TYPE;
@@ -50,7 +50,7 @@ fn add_cells(grid: &mut GridReader, file: &VtuFile, piece: &Piece, first_point: 
     let connectivity = indices(file, connectivity_array, length)?;
     let ghosts = ghost_flags(file, piece)?;
     let has_polyhedra = types.contains(&u64::from(POLYHEDRON_VTK_TYPE));
-    let faces = if has_polyhedra { Some(FacesOfCells::read(file, piece)?) } else { None };
+    let faces = if has_polyhedra { Some(read_faces(file, piece)?) } else { None };
     let place = format!("array 'connectivity' (data at byte {})", connectivity_array.byte);
     let (types, ends, connectivity, ghosts) = (&types[..], &offsets[..], &connectivity[..], &ghosts[..]);
     let list = CellList { path: &file.path, place: &place, types, ends, connectivity, ghosts };
