@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// Bits of the cell array `vtkGhostType` that drop a cell: a duplicate of another piece's, refined, or hidden
 /// (`vtkDataSetAttributes::CellGhostTypes`).
-const GHOST_BITS: u64 = 1 | 8 | 32;
+pub(super) const GHOST_BITS: u64 = 1 | 8 | 32;
 
 /// The cell array in which parallel writers flag duplicates.
 pub(super) const GHOST_ARRAY: &str = "vtkGhostType";
