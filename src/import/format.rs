@@ -1,6 +1,6 @@
 //! The supported input formats.
 
-use super::{exodus, legacy, parts, pvd, vtkhdf, vtu, xdmf};
+use super::{exodus, legacy, npz, parts, pvd, vtkhdf, vtu, xdmf};
 use crate::error::FileResult;
 use crate::field::SeriesSource;
 use std::path::{Path, PathBuf};
@@ -39,6 +39,7 @@ pub const FORMATS: &[Format] = &[
     vtkhdf::FORMAT,
     xdmf::FORMAT,
     exodus::FORMAT,
+    npz::FORMAT,
 ];
 
 impl Format {
@@ -83,6 +84,6 @@ mod tests {
             assert!(Format::of(Path::new(&format!("a.{}", extension.to_uppercase()))).is_some());
         }
         assert!(FORMATS.iter().all(|format| Format::list().contains(format.name)));
-        assert_eq!(Format::extensions(), ".pvd, .vtu, .pvtu, .vtm, .vti, .vtr, .vts, .vtk, .series, .vtkhdf, .xdmf, .e");
+        assert_eq!(Format::extensions(), ".pvd, .vtu, .pvtu, .vtm, .vti, .vtr, .vts, .vtk, .series, .vtkhdf, .xdmf, .e, .npz");
     }
 }

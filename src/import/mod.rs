@@ -12,6 +12,7 @@
 //! | `.vtkhdf`, `.hdf` | VTKHDF: a grid of VTK in HDF5, with all its steps | `vtkhdf` |
 //! | `.xdmf`, `.xmf` | XDMF: an XML file with the arrays of a series in HDF5 or binary files beside it | `xdmf` |
 //! | `.e`, `.exo`, `.g`, ... | Exodus II in any format of netCDF: a mesh in blocks, and all steps | `exodus` |
+//! | `.npz` | arrays of NumPy by their names: a mesh and fields at all steps | `npz` |
 //!
 //! A reader yields a [`SeriesSource`]; another format is a folder here and a line of [`FORMATS`].
 
@@ -27,6 +28,7 @@ mod joints;
 mod lattice;
 mod legacy;
 mod names;
+mod npz;
 mod numbers;
 mod parts;
 mod pieces;
@@ -34,6 +36,7 @@ mod pvd;
 mod series;
 mod tally;
 mod timed;
+mod times;
 mod vtkhdf;
 mod vtu;
 mod xdmf;

@@ -15,6 +15,7 @@ mod tests;
 use super::format::Format;
 use super::hdf::{Attribute, Hdf};
 use super::series::Series;
+use super::times::in_order;
 use crate::error::{FileError, FileResult};
 use crate::field::{SeriesSource, TimeAxis};
 use block::{Block, Kind};
@@ -156,20 +157,7 @@ fn times_of(file: &Hdf, blocks: &[Block], notes: &mut Vec<String>) -> FileResult
         notes.push(format!("'{}' has no steps: it is the same at all times", still.group));
     }
     let place = format!("data set '{}/Steps/Values'", first.group);
-    if let Some(time) = times.iter().find(|time| !time.is_finite()) {
-        return Err(invalid(&place, format!("the time {time} is not finite")));
-    }
-    // Adding zero turns -0 into +0.
-    let mut steps: Vec<(f64, usize)> = times.iter().enumerate().map(|(step, time)| (time + 0.0, step)).collect();
-    steps.sort_by(|a, b| a.0.total_cmp(&b.0));
-    match steps.windows(2).find(|pair| pair[0].0 == pair[1].0) {
-        None if steps.is_empty() => Err(invalid(&place, "there are no steps".to_owned())),
-        None => Ok(steps),
-        Some(pair) => {
-            let problem = format!("steps {} and {} have the same time {}", pair[0].1, pair[1].1, pair[0].0);
-            Err(invalid(&place, problem).remedy("write each time once"))
-        }
-    }
+    in_order(times).map_err(|problem| invalid(&place, problem).remedy("write each time once"))
 }
 
 /// The time that a file of one step has in its field data; 0 if it has none.
