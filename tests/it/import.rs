@@ -3,9 +3,11 @@
 mod damage;
 mod exodus;
 mod legacy;
+mod npz;
 mod parts;
 pub mod series;
 mod shapes;
+mod vtkhdf;
 mod xdmf;
 
 use serde_json::Value;

@@ -32,6 +32,8 @@ const MUTANTS: &[(&str, u64)] = &[
     ("vtk", 1500),
     ("xdmf", 1200),
     ("exodus", 1200),
+    ("vtkhdf", 1200),
+    ("npz", 800),
     ("transfer_function", 800),
     ("color_maps", 800),
     ("settings", 400),
@@ -96,6 +98,8 @@ replayed! {
     any_bytes_are_a_legacy_file_or_an_error: "vtk";
     any_bytes_are_an_xdmf_series_or_an_error: "xdmf";
     any_bytes_are_an_exodus_file_or_an_error: "exodus";
+    any_bytes_are_a_vtkhdf_series_or_an_error: "vtkhdf";
+    any_bytes_are_arrays_of_numpy_or_an_error: "npz";
     any_bytes_are_a_transfer_function_or_an_error: "transfer_function";
     any_bytes_are_colour_maps_or_an_error: "color_maps";
     any_bytes_are_settings_or_a_notice: "settings";

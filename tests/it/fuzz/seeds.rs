@@ -323,6 +323,12 @@ fn xdmf_and_pvd(to: &Path) {
         put(to, "xdmf", name, &pack([("fuzzed.xdmf", &main[..], false)].into_iter().chain(others)));
     }
     put(to, "vtu", "pieces", &data("vtu/pieces_ascii.vtu"));
+    for name in ["steps.vtkhdf", "polyhedron.vtkhdf", "blocks.vtkhdf", "image.vtkhdf", "single.hdf"] {
+        put(to, "vtkhdf", name.split('.').next().unwrap(), &data(&format!("vtkhdf/{name}")));
+    }
+    for name in ["stored", "deflated", "lists"] {
+        put(to, "npz", name, &data(&format!("npz/{name}.npz")));
+    }
     let list = br#"<?xml version="1.0"?>
 <VTKFile type="Collection" version="0.1" byte_order="LittleEndian"><Collection>
 <DataSet timestep="0" group="" part="0" file="a.vtu"/>
