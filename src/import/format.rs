@@ -84,6 +84,9 @@ mod tests {
             assert!(Format::of(Path::new(&format!("a.{}", extension.to_uppercase()))).is_some());
         }
         assert!(FORMATS.iter().all(|format| Format::list().contains(format.name)));
-        assert_eq!(Format::extensions(), ".pvd, .vtu, .pvtu, .vtm, .vti, .vtr, .vts, .vtk, .series, .vtkhdf, .xdmf, .e, .npz");
+        assert_eq!(
+            Format::extensions(),
+            ".pvd, .vtu, .pvtu, .vtm, .vti, .vtr, .vts, .vtk, .series, .vtkhdf, .xdmf, .e, .npz"
+        );
     }
 }
