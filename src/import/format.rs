@@ -1,5 +1,6 @@
 //! The supported input formats.
 
+use super::content::Head;
 use super::{exodus, legacy, npz, parts, pvd, vtkhdf, vtu, xdmf};
 use crate::error::FileResult;
 use crate::field::SeriesSource;
@@ -13,6 +14,8 @@ pub struct Format {
     pub extensions: &'static [&'static str],
     /// Whether several files, in natural order of their names, form one series.
     pub joins: bool,
+    /// Whether a file that begins so is of this format.
+    pub(super) recognises: fn(&Head) -> bool,
     /// Opens one file, or several if they join.
     ///
     /// # Errors

@@ -13,6 +13,8 @@ use hdf5_reader::messages::link::LinkTarget;
 use hdf5_reader::{Dataset, Datatype, H5Type, Hdf5File, OpenOptions, SliceInfo, SliceInfoElem};
 use std::path::{Path, PathBuf};
 
+/// The first bytes of a file.
+pub(super) const MAGIC: &[u8] = b"\x89HDF\r\n\x1a\n";
 /// Most decoded bytes per byte of the file: deflate's limit.
 const RATIO_MAX: u64 = 1032;
 /// Bytes of a data set allowed whatever the size of the file: unwritten ones have their fill value.

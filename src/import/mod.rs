@@ -19,6 +19,7 @@
 mod cache;
 mod cell_list;
 mod cells;
+mod content;
 mod exodus;
 mod faces;
 mod format;
@@ -46,8 +47,10 @@ pub use format::{FORMATS, Format};
 
 use crate::error::{FileError, FileResult};
 use crate::field::SeriesSource;
+use content::format_of;
 use format::extension;
 use names::natural_order;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Opens a series: one file of any of [`FORMATS`].
@@ -66,32 +69,55 @@ pub fn open(path: &Path) -> FileResult<Box<dyn SeriesSource>> {
 /// If a collection is damaged or names missing files.
 pub fn files(path: &Path) -> FileResult<Vec<PathBuf>> {
     let mut files = vec![path.to_owned()];
-    if let Some(format) = Format::of(path) {
-        files.extend((format.files)(path)?.into_iter().filter(|file| file != path));
+    for series in expanded(&[path.to_owned()])? {
+        if let Some(format) = format_of(&series) {
+            files.extend((format.files)(&series)?);
+        }
+        files.push(series);
     }
+    let mut seen = BTreeSet::new();
+    files.retain(|file| seen.insert(file.clone()));
     Ok(files)
 }
 
-/// Opens several files of one format as one series, in natural order of their names (2 before 10): each `.vtu`, `.pvtu`, `.vtm` or
-/// `.vtk` file is a step, XDMF files have different fields on the same mesh at the same times.
+/// Opens several files of one format as one series, in natural order of their names (2 before 10): files of steps, or XDMF files with
+/// different fields on the same mesh at the same times. A folder is the one series in it. What a file begins with says more of its format
+/// than its name.
 ///
 /// # Errors
 /// As for [`open`]; if `paths` is empty; if the files are of different formats, or of one that cannot be joined.
 pub fn open_many(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
-    let mut paths = paths.to_vec();
+    let mut paths = expanded(paths)?;
     paths.sort_by(|a, b| natural_order(a.as_os_str().as_encoded_bytes(), b.as_os_str().as_encoded_bytes()));
     let Some(first) = paths.first() else {
         return Err(FileError::invalid("", "", "no file was named").remedy(format!("name one: {}", Format::list())));
     };
-    let format = Format::of(first).ok_or_else(|| unsupported(first))?;
+    let format = format_of(first).ok_or_else(|| unsupported(first))?;
     for path in &paths[1..] {
-        let other = Format::of(path).ok_or_else(|| unsupported(path))?;
+        // The beginnings of thousands of files need not be read where names agree.
+        let other = if Format::of(path).is_some_and(|other| std::ptr::eq(other, format)) {
+            Some(format)
+        } else {
+            format_of(path)
+        };
+        let other = other.ok_or_else(|| unsupported(path))?;
         if !format.joins || !std::ptr::eq(other, format) {
             let alone = if format.joins && !other.joins { path } else { first };
             return Err(FileError::unsupported(alone, "", only_of_one_kind()).remedy("open it alone"));
         }
     }
     (format.open)(&paths)
+}
+
+/// The paths, a folder that is named alone replaced by the files of the series in it.
+fn expanded(paths: &[PathBuf]) -> FileResult<Vec<PathBuf>> {
+    match paths {
+        [folder] if folder.is_dir() => content::series_in(folder).map_err(|problem| {
+            let remedy = format!("name the files of one series: {}", Format::list());
+            FileError::unsupported(folder, "", problem).remedy(remedy)
+        }),
+        _ => Ok(paths.to_vec()),
+    }
 }
 
 /// Message: which files can be joined.
@@ -106,7 +132,7 @@ fn unsupported(path: &Path) -> FileError {
         return FileError::unsupported(path, "", problem).remedy(remedy);
     }
     let problem = match extension(path).as_str() {
-        "" => "a file or folder without an extension is not read".to_owned(),
+        "" => "is no file of a kind that is read".to_owned(),
         extension => format!("files of kind .{extension} are not read"),
     };
     FileError::unsupported(path, "", problem)

@@ -3,6 +3,7 @@
 //!
 //! Pieces and blocks merge to one mesh. They lie in the folder of the file that names them, or below it.
 
+use super::content::Head;
 use super::format::{Format, extension};
 use super::legacy;
 use super::series::Series;
@@ -21,6 +22,7 @@ pub(super) const PVTU: Format = Format {
     name: "grids in pieces",
     extensions: &["pvtu", "pvti", "pvtr", "pvts"],
     joins: true,
+    recognises: |head| PARALLEL.iter().any(|(_, of_type)| head.is_vtk(&[of_type])),
     open: open_each,
     files: |path| Ok(Parts::of(path)?.all()),
 };
@@ -30,6 +32,7 @@ pub(super) const VTM: Format = Format {
     name: "blocks",
     extensions: &["vtm"],
     joins: true,
+    recognises: |head| head.is_vtk(&[BLOCKS]),
     open: open_each,
     files: |path| Ok(Parts::of(path)?.all()),
 };
@@ -39,6 +42,7 @@ pub(super) const SERIES: Format = Format {
     name: "lists of such files",
     extensions: &["series"],
     joins: false,
+    recognises: |head| head.has(b"\"file-series-version\""),
     open: open_list,
     files: |path| {
         let mut files = Vec::new();
@@ -52,13 +56,25 @@ pub(super) const SERIES: Format = Format {
     },
 };
 
-/// Extensions of files that are read as a piece or block.
-const GRIDS: [&str; 4] = ["vtu", "vti", "vtr", "vts"];
+/// Extensions of files that are read as a piece or block, and their types.
+const GRIDS: [(&str, &str); 4] =
+    [("vtu", "UnstructuredGrid"), ("vti", "ImageData"), ("vtr", "RectilinearGrid"), ("vts", "StructuredGrid")];
 /// Extensions of files of pieces, and their types.
 const PARALLEL: [(&str, &str); 4] =
     [("pvtu", "PUnstructuredGrid"), ("pvti", "PImageData"), ("pvtr", "PRectilinearGrid"), ("pvts", "PStructuredGrid")];
 /// The type of files of blocks.
 const BLOCKS: &str = "vtkMultiBlockDataSet";
+
+/// The extension of a file, or that of its type in XML where that is none of these.
+fn kind_of(path: &Path) -> String {
+    let kinds = || GRIDS.into_iter().chain(PARALLEL).chain([("vtm", BLOCKS)]);
+    let named = extension(path);
+    if kinds().any(|(known, _)| known == named) {
+        return named;
+    }
+    let head = Head::of(path);
+    kinds().find(|(_, of_type)| head.is_vtk(&[of_type])).map_or(named, |(kind, _)| kind.to_owned())
+}
 
 /// What a file of a step stands for.
 #[derive(Debug, Default, PartialEq)]
@@ -77,8 +93,10 @@ impl Parts {
     /// # Errors
     /// If the file cannot be read, names no grid, or one that is missing or outside of its folder.
     pub(super) fn of(path: &Path) -> FileResult<Self> {
-        match extension(path).as_str() {
-            kind if GRIDS.contains(&kind) => Ok(Self { files: vec![path.to_owned()], ..Self::default() }),
+        match kind_of(path).as_str() {
+            kind if GRIDS.iter().any(|(grid, _)| *grid == kind) => {
+                Ok(Self { files: vec![path.to_owned()], ..Self::default() })
+            }
             kind if let Some((_, of_type)) = PARALLEL.iter().find(|(parallel, _)| *parallel == kind) => {
                 Self::named(path, of_type, &[("Piece", "Source")])
             }
@@ -123,8 +141,8 @@ impl Parts {
                         continue;
                     }
                     let file = located(path, file).map_err(invalid)?;
-                    match extension(&file).as_str() {
-                        grid if GRIDS.contains(&grid) => parts.files.push(file),
+                    match kind_of(&file).as_str() {
+                        grid if GRIDS.iter().any(|(known, _)| *known == grid) => parts.files.push(file),
                         parallel if is_of_blocks && PARALLEL.iter().any(|(other, _)| *other == parallel) => {
                             let more = Self::of(&file)?;
                             parts.files.extend(more.files);
@@ -133,7 +151,7 @@ impl Parts {
                         other => {
                             return Err(invalid(format!(
                                 "names a file of kind .{other}; only grids are read ({})",
-                                GRIDS.join(", ")
+                                GRIDS.map(|(grid, _)| grid).join(", ")
                             )));
                         }
                     }

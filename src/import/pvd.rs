@@ -17,6 +17,7 @@ pub(super) const FORMAT: Format = Format {
     name: "ParaView collections",
     extensions: &["pvd"],
     joins: false,
+    recognises: |head| head.is_vtk(&["Collection"]),
     open,
     files: |path| Ok(read(path)?.0.into_iter().flat_map(|step| [step.parts, step.lists].concat()).collect()),
 };

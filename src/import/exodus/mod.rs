@@ -13,6 +13,7 @@ mod tests;
 mod vectors;
 
 use super::format::Format;
+use super::hdf;
 use super::series::Series;
 use crate::error::{FileError, FileResult};
 use crate::field::{SeriesSource, TimeAxis};
@@ -26,6 +27,10 @@ pub(super) const FORMAT: Format = Format {
     name: "Exodus II",
     extensions: &["e", "exo", "ex2", "exii", "g", "gen"],
     joins: false,
+    recognises: |head| {
+        let is_classic = [1, 2, 5].iter().any(|&version| head.begins_with(&[b'C', b'D', b'F', version]));
+        is_classic || (head.begins_with(hdf::MAGIC) && head.has(b"connect1"))
+    },
     open,
     files: |_| Ok(Vec::new()),
 };

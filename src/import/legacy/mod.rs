@@ -29,8 +29,14 @@ use header::{Extent, Header, TIME_ARRAYS, parse};
 use std::path::{Path, PathBuf};
 
 /// Legacy files, one step each.
-pub(super) const FORMAT: Format =
-    Format { name: "legacy VTK files", extensions: &["vtk"], joins: true, open, files: |_| Ok(Vec::new()) };
+pub(super) const FORMAT: Format = Format {
+    name: "legacy VTK files",
+    extensions: &["vtk"],
+    joins: true,
+    recognises: |head| head.begins_with(b"# vtk DataFile"),
+    open,
+    files: |_| Ok(Vec::new()),
+};
 
 /// Times are those of [`TIME_ARRAYS`] in the files, as [`open_steps`] takes them.
 fn open(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {

@@ -25,8 +25,14 @@ use std::sync::Arc;
 use step::NpzStep;
 
 /// Arrays of NumPy.
-pub(super) const FORMAT: Format =
-    Format { name: "arrays of NumPy", extensions: &["npz"], joins: false, open, files: |_| Ok(Vec::new()) };
+pub(super) const FORMAT: Format = Format {
+    name: "arrays of NumPy",
+    extensions: &["npz"],
+    joins: false,
+    recognises: |head| head.begins_with(b"PK\x03\x04") && head.has(b".npy"),
+    open,
+    files: |_| Ok(Vec::new()),
+};
 
 /// More components than any field has.
 const COMPONENTS_MAX: u64 = 1 << 16;

@@ -13,7 +13,7 @@ mod step;
 mod tests;
 
 use super::format::Format;
-use super::hdf::{Attribute, Hdf};
+use super::hdf::{self, Attribute, Hdf};
 use super::series::Series;
 use super::times::in_order;
 use crate::error::{FileError, FileResult};
@@ -28,6 +28,7 @@ pub(super) const FORMAT: Format = Format {
     name: "VTKHDF, a series in one file",
     extensions: &["vtkhdf", "hdf"],
     joins: false,
+    recognises: |head| head.begins_with(hdf::MAGIC) && head.has(b"VTKHDF"),
     open,
     files: |_| Ok(Vec::new()),
 };

@@ -8,19 +8,38 @@ use crate::import::timed::{self, finite};
 use std::path::PathBuf;
 
 /// VTK's XML unstructured grids, one step per file.
-pub(in crate::import) const FORMAT: Format =
-    Format { name: "unstructured grids of VTK", extensions: &["vtu"], joins: true, open, files: |_| Ok(Vec::new()) };
+pub(in crate::import) const FORMAT: Format = Format {
+    name: "unstructured grids of VTK",
+    extensions: &["vtu"],
+    joins: true,
+    recognises: |head| head.is_vtk(&["UnstructuredGrid"]),
+    open,
+    files: |_| Ok(Vec::new()),
+};
 
 /// Volumes with points at equal distances.
-pub(in crate::import) const IMAGE: Format = Format { name: "regular volumes of VTK", extensions: &["vti"], ..FORMAT };
+pub(in crate::import) const IMAGE: Format = Format {
+    name: "regular volumes of VTK",
+    extensions: &["vti"],
+    recognises: |head| head.is_vtk(&["ImageData"]),
+    ..FORMAT
+};
 
 /// Structured grids with coordinates along each axis.
-pub(in crate::import) const RECTILINEAR: Format =
-    Format { name: "rectilinear grids of VTK", extensions: &["vtr"], ..FORMAT };
+pub(in crate::import) const RECTILINEAR: Format = Format {
+    name: "rectilinear grids of VTK",
+    extensions: &["vtr"],
+    recognises: |head| head.is_vtk(&["RectilinearGrid"]),
+    ..FORMAT
+};
 
 /// Structured grids whose points have coordinates of their own.
-pub(in crate::import) const CURVILINEAR: Format =
-    Format { name: "curvilinear grids of VTK", extensions: &["vts"], ..FORMAT };
+pub(in crate::import) const CURVILINEAR: Format = Format {
+    name: "curvilinear grids of VTK",
+    extensions: &["vts"],
+    recognises: |head| head.is_vtk(&["StructuredGrid"]),
+    ..FORMAT
+};
 
 fn open(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
     open_steps(paths.iter().map(|path| (path.clone(), vec![path.clone()])).collect(), Vec::new())

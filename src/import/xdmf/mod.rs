@@ -23,8 +23,14 @@ use step::XdmfStep;
 use tree::{DEPTH_MAX, Document, Id};
 
 /// XDMF files. One file is a series of all its collections; several join their fields on the same mesh.
-pub(super) const FORMAT: Format =
-    Format { name: "XDMF with HDF5", extensions: &["xdmf", "xmf"], joins: true, open: open_all, files };
+pub(super) const FORMAT: Format = Format {
+    name: "XDMF with HDF5",
+    extensions: &["xdmf", "xmf"],
+    joins: true,
+    recognises: |head| head.is_xml("Xdmf"),
+    open: open_all,
+    files,
+};
 
 fn open_all(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
     let named = paths.first().map_or(Path::new(""), |first| first);
