@@ -291,6 +291,10 @@ impl SeriesSource for Calculated {
         Ok(())
     }
 
+    fn check(&self, step: usize) -> FileResult<()> {
+        self.source.check(step)
+    }
+
     fn notes(&self) -> Vec<String> {
         let mut notes = self.source.notes();
         notes.extend(self.formulas.iter().map(|formula| format!("calculated {}", formula.text)));

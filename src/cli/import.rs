@@ -68,7 +68,7 @@ pub(super) struct Args {
     /// their volumes; without it they stay constant in their cells
     #[arg(long)]
     pub(super) cells_to_points: bool,
-    /// Read the mesh and say what would be imported; write nothing
+    /// Check the mesh and the fields of every step, and say what would be imported; write nothing
     #[arg(long)]
     dry_run: bool,
     /// Replace a store that exists
@@ -108,7 +108,7 @@ fn import(args: &Args, codec: CodecChoice, terminal: &Terminal) -> anyhow::Resul
     let options = IngestOptions { fields, units, steps, overwrite, codec, cells_to_points };
     let (false, Some(output)) = (args.dry_run, &args.output) else {
         check_fields(&*series, &options)?;
-        let plan = Plan::of(&*series, args, steps)?;
+        let plan = Plan::of(&*series, args, steps, terminal)?;
         print_result(args.json, &plan, &plan)?;
         return Ok(Outcome::Done);
     };
@@ -163,9 +163,14 @@ struct Plan {
 }
 
 impl Plan {
-    fn of(series: &dyn SeriesSource, args: &Args, steps: StepRange) -> anyhow::Result<Self> {
+    fn of(series: &dyn SeriesSource, args: &Args, steps: StepRange, terminal: &Terminal) -> anyhow::Result<Self> {
         let (mesh, repair) = Mesh::build(series.mesh()?).map_err(|e| anyhow::anyhow!("{}: {e}", series.describe()))?;
-        let steps = steps.select(series.times().len())?.len();
+        let selected = steps.select(series.times().len())?;
+        for &step in &selected {
+            terminal.check_interrupted()?;
+            series.check(step)?;
+        }
+        let steps = selected.len();
         let wanted = |f: &&FieldInfo| args.fields.is_empty() || args.fields.iter().any(|s| s.name == f.name);
         let fields: Vec<FieldInfo> = series.fields().iter().filter(wanted).cloned().collect();
         let source_cells = SourceCells::of(&mesh.cell_source).len();

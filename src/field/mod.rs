@@ -127,6 +127,13 @@ pub trait SeriesSource: Sync {
     /// # Errors
     /// If the step cannot be read, lacks the field, or has another number of points or cells than the mesh.
     fn read(&self, field: &FieldInfo, component: Component, step: usize, out: &mut Vec<f32>) -> FileResult<()>;
+    /// Checks a step without reading values: its mesh, and which fields it has. What it lacks is in the notes then.
+    ///
+    /// # Errors
+    /// If the step cannot be read, or has another mesh.
+    fn check(&self, _step: usize) -> FileResult<()> {
+        Ok(())
+    }
     /// [`Self::read`] without rounding to f32 what the source has more precisely.
     ///
     /// # Errors

@@ -100,6 +100,10 @@ impl SeriesSource for Joined {
         self.owner(field)?.read_f64(field, component, step, out)
     }
 
+    fn check(&self, step: usize) -> FileResult<()> {
+        self.sources.iter().try_for_each(|source| source.check(step))
+    }
+
     fn notes(&self) -> Vec<String> {
         let mut notes: Vec<String> = self.sources.iter().flat_map(|source| source.notes()).collect();
         let mut seen = std::collections::BTreeSet::new();

@@ -8,6 +8,7 @@ use super::tally::Tally;
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, FieldInfo, SeriesSource, TimeAxis};
 use crate::mesh::{RawMesh, gather};
+use std::collections::HashSet;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -264,6 +265,16 @@ impl<S: StepReader> SeriesSource for Series<S> {
             }
         }
         self.shape.select(field.association, out, |_, _| true);
+        Ok(())
+    }
+
+    fn check(&self, step: usize) -> FileResult<()> {
+        let loaded = self.step(step)?;
+        for piece in loaded.reader.pieces() {
+            let arrays: HashSet<FieldInfo> = piece.arrays().into_iter().collect();
+            let missing = self.fields.iter().filter(|field| !arrays.contains(field));
+            missing.for_each(|field| self.missing.note(&field.name, step, 1));
+        }
         Ok(())
     }
 

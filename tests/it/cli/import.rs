@@ -206,3 +206,27 @@ fn fields_are_calculated_and_added_to_a_store_again() {
         place.refuses(&["import", "run/tornado.pvd", "-o", "u.zarr", "--define", text], &[expected, text]);
     }
 }
+
+#[test]
+fn info_looks_at_files_without_importing_them_and_a_dry_run_reads_every_step() {
+    let place = Place::with_tornado();
+    let text = place.ok(&["info", "run/tornado.pvd"]);
+    assert!(text.contains("8 steps") && text.contains("velocity (of points, 3 components)"), "{text}");
+    let info = place.json(&["info", "run", "--json"]);
+    assert_eq!(
+        (info["time"]["steps"].as_u64(), info["mesh"]["points"].as_u64()),
+        (Some(8), Some(729)),
+        "the folder is the series"
+    );
+    assert_eq!(info["fields"].as_array().unwrap().len(), 2);
+    // A step without a field, and one with another mesh: only who reads all steps sees it.
+    place.edit(LAST, "Name=\"pressure\"", "Name=\"pressurE\"");
+    let dry = ["import", "run/tornado.pvd", "--dry-run"];
+    let text = place.ok(&dry);
+    assert!(text.contains("field 'pressure' is missing in 1 step (7): holes"), "{text}");
+    assert!(!place.ok(&["info", "run/tornado.pvd"]).contains("missing"));
+    std::fs::remove_file(place.path(LAST)).unwrap();
+    std::fs::copy(place.path("run/tornado_0000.vtu"), place.path(LAST)).unwrap();
+    place.edit(LAST, "NumberOfPoints=\"729\"", "NumberOfPoints=\"728\"");
+    place.refuses(&dry, &["tornado_0007.vtu"]);
+}
