@@ -24,16 +24,16 @@ const FOLLOW_MAX: f64 = 86_400.0;
 
 #[derive(Debug, clap::Args)]
 #[command(
-    about = format!("Import a series ({}) into a store", Format::extensions()),
+    about = "Import a series of files of a simulation into a store",
     after_help = "Example:\n  tetreel import run/case.pvd -o case.zarr --field T --field velocity:mag --units T=K\n  \
 tetreel import run/case.pvd -o small.zarr --codec vq --entries 1024\n  \
 tetreel import run/case.pvd -o case.zarr --define 'ke = 0.5*rho*mag(u)^2' --field ke --field u:vorticity\n  \
 tetreel import run/case.pvd -o case.zarr --append --follow    # while the simulation runs; Ctrl-C ends it"
 )]
 pub(super) struct Args {
-    /// One file of a series, or several that are a step each (grids, pieces and blocks of VTK, in the natural order of their names) or
-    /// have other fields each (.xdmf)
     #[arg(required = true, value_name = "SOURCE")]
+    #[arg(help = format!("A file or folder of a series ({}), or several files that are a step each, in the natural order of their \
+        names, or have other fields each (.xdmf)", Format::extensions()))]
     pub(super) sources: Vec<PathBuf>,
     /// The store to write
     #[arg(short, long, value_name = "NAME.zarr", required_unless_present = "dry_run")]

@@ -92,6 +92,9 @@ pub fn open_many(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
     let Some(first) = paths.first() else {
         return Err(FileError::invalid("", "", "no file was named").remedy(format!("name one: {}", Format::list())));
     };
+    if let Some(part) = paths.iter().find(|path| exodus::refused_part(path).is_some()) {
+        return Err(unsupported(part));
+    }
     let format = format_of(first).ok_or_else(|| unsupported(first))?;
     for path in &paths[1..] {
         // The beginnings of thousands of files need not be read where names agree.

@@ -134,9 +134,12 @@ impl<S: StepReader> Series<S> {
             left_out.dedup();
             notes.push(format!("left out {} arrays: {}", left_out.len(), left_out.join(", ")));
         }
-        let joints = joints_of(&first, &grid.mesh, &fields)?;
+        let (joints, apart) = joints_of(&first, &grid.mesh, &fields)?;
         if let Some(joints) = &joints {
             notes.push(format!("joined {} points on borders between pieces", joints.len()));
+        }
+        if apart > 0 {
+            notes.push(format!("kept {apart} points on borders between pieces apart: their values differ"));
         }
         let shape = Shape { joints, ..Shape::of(&first.reader, grid)? };
         let cache = StepCache::default();
@@ -166,6 +169,18 @@ impl<S: StepReader> Series<S> {
             Ok(loaded)
         };
         self.cache.get(step, load, Step::bytes)
+    }
+
+    /// Fails unless there is such a field, and it has that component.
+    fn check_field(&self, field: &FieldInfo, component: usize, path: &Path) -> FileResult<()> {
+        let problem = match () {
+            () if !self.fields.contains(field) => "is none of the fields of the first step".to_owned(),
+            () if component >= field.components => {
+                format!("has {} components, and no component {component}", field.components)
+            }
+            () => return Ok(()),
+        };
+        Err(FileError::invalid(path, format!("field '{}'", field.name), problem))
     }
 
     /// Fails unless the mesh of `loaded` is that of the first step. Its arrays are decoded only if their stored hash differs.
@@ -231,9 +246,8 @@ impl<S: StepReader> SeriesSource for Series<S> {
     fn read(&self, field: &FieldInfo, component: Component, step: usize, out: &mut Vec<f32>) -> FileResult<()> {
         out.clear();
         let loaded = self.step(step)?;
-        if let Component::Index(index) = component {
-            check_component(field, index, loaded.reader.path())?;
-        }
+        let index = if let Component::Index(index) = component { index } else { 0 };
+        self.check_field(field, index, loaded.reader.path())?;
         let decoded = loaded.field(field, step)?;
         let (mut overflows, mut missing) = (0, 0);
         for (piece, array) in loaded.reader.pieces().iter().zip(decoded.iter()) {
@@ -256,7 +270,7 @@ impl<S: StepReader> SeriesSource for Series<S> {
     fn read_f64(&self, field: &FieldInfo, component: usize, step: usize, out: &mut Vec<f64>) -> FileResult<()> {
         out.clear();
         let loaded = self.step(step)?;
-        check_component(field, component, loaded.reader.path())?;
+        self.check_field(field, component, loaded.reader.path())?;
         let decoded = loaded.field(field, step)?;
         for (piece, array) in loaded.reader.pieces().iter().zip(decoded.iter()) {
             match array {
@@ -329,19 +343,24 @@ impl<S: StepReader> Step<S> {
     }
 }
 
-/// Points that pieces share, as far as all values of points agree in this step.
-fn joints_of<S: StepReader>(step: &Step<S>, mesh: &RawMesh, fields: &[FieldInfo]) -> FileResult<Option<Joints>> {
+/// Points that pieces share, as far as all values of points agree in this step, and the number of others with equal coordinates.
+fn joints_of<S: StepReader>(
+    step: &Step<S>,
+    mesh: &RawMesh,
+    fields: &[FieldInfo],
+) -> FileResult<(Option<Joints>, usize)> {
     let pieces = step.reader.pieces();
     if pieces.len() < 2 {
-        return Ok(None);
+        return Ok((None, 0));
     }
     let mut pairs = coincident(&mesh.points, pieces.iter().map(|piece| piece.counts().0));
+    let all = pairs.len();
     let mut values = Vec::new();
     for field in fields.iter().filter(|field| field.association == Association::Point) {
         let decoded = step.field(field, 0)?;
         for component in 0..field.components {
             if pairs.is_empty() {
-                return Ok(None);
+                break;
             }
             values.clear();
             for (piece, array) in pieces.iter().zip(decoded.iter()) {
@@ -351,7 +370,8 @@ fn joints_of<S: StepReader>(step: &Step<S>, mesh: &RawMesh, fields: &[FieldInfo]
             pairs.retain(|&[point, first]| agree(values[point as usize], values[first as usize]));
         }
     }
-    Ok(Joints::of(pairs, mesh.points.len()))
+    let apart = all - pairs.len();
+    Ok((Joints::of(pairs, mesh.points.len()), apart))
 }
 
 impl Shape {
@@ -376,14 +396,6 @@ impl Shape {
             joints: None,
         })
     }
-}
-
-fn check_component(field: &FieldInfo, index: usize, path: &Path) -> FileResult<()> {
-    if index < field.components {
-        return Ok(());
-    }
-    let problem = format!("has {} components, and no component {index}", field.components);
-    Err(FileError::invalid(path, format!("field '{}'", field.name), problem))
 }
 
 fn hash_points(mesh: &RawMesh) -> u64 {
