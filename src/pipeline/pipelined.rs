@@ -38,7 +38,8 @@ use std::time::{Duration, Instant};
 pub struct PipelinedOptions {
     /// Threads that render on the CPU, and as many that prepare; `None`: rayon's global pool renders, and as many threads prepare.
     pub threads: Option<usize>,
-    /// Whether these threads run at a lower priority than the one that paints a window. They then form a pool of their own.
+    /// Whether these threads run at a lower priority than the one that paints a window (with feature `gui`, else at the same). They then
+    /// form a pool of their own.
     pub give_way: bool,
     /// Budget in bytes for frames of an unchanged view, cached for the next round of a loop; 0 caches none.
     pub frame_cache_bytes: u64,

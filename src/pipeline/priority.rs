@@ -1,19 +1,23 @@
 //! The priority of render threads while a window is painted.
 
+#[cfg(feature = "gui")]
 use thread_priority::{ThreadPriority, ThreadPriorityValue};
 
 /// Priority out of 100: niceness 9 on Linux, below normal on Windows.
+#[cfg(feature = "gui")]
 const BACKGROUND_PRIORITY: u8 = 23;
 
-/// Lowers the priority of this thread below those that paint a window. Where the system does not allow it, all keep the same priority.
+/// Lowers the priority of this thread below those that paint a window. Where the system does not allow it, or there is no window to build,
+/// all keep the same priority.
 pub(super) fn give_way() {
+    #[cfg(feature = "gui")]
     if let Ok(priority) = ThreadPriorityValue::try_from(BACKGROUND_PRIORITY) {
         // Best effort: without it everything works, only less smoothly.
         let _ = ThreadPriority::Crossplatform(priority).set_for_current();
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "gui"))]
 mod tests {
     use super::*;
 

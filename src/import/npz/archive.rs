@@ -7,10 +7,10 @@ use super::npy::{Header, Unread};
 use crate::error::{FileError, FileResult};
 use crate::files;
 use flate2::read::DeflateDecoder;
+use rawzip::{CompressionMethod, RECOMMENDED_BUFFER_SIZE, ZipArchive};
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
-use zip::{CompressionMethod, ZipArchive};
 
 /// Most decoded bytes per byte of a deflated array.
 const RATIO_MAX: u64 = 1032;
@@ -44,26 +44,27 @@ pub(super) fn arrays(path: &Path) -> FileResult<(Vec<Array>, Vec<String>)> {
     let invalid = |place: String, problem: String| {
         FileError::invalid(path, place, problem).remedy("write it with numpy.savez, or copy it again if it was cut")
     };
-    let mut archive = ZipArchive::new(BufReader::new(file))
-        .map_err(|e| invalid(String::new(), format!("is no zip file, or a damaged one: {e}")))?;
+    let damaged = |e: rawzip::Error| invalid(String::new(), format!("is no zip file, or a damaged one: {e}"));
+    let (mut buffer, mut of_entries) = (vec![0; RECOMMENDED_BUFFER_SIZE], vec![0; RECOMMENDED_BUFFER_SIZE]);
+    let archive = ZipArchive::from_file(file, &mut buffer).map_err(damaged)?;
     let (mut found, mut left_out) = (Vec::new(), Vec::new());
-    for index in 0..archive.len() {
-        let damaged = |e: &dyn std::fmt::Display| invalid(format!("member {index}"), format!("is damaged: {e}"));
-        let entry = archive.by_index_raw(index).map_err(|e| damaged(&e))?;
-        let name = entry.name().map_err(|e| damaged(&e))?.into_owned();
+    let mut entries = archive.entries(&mut of_entries);
+    while let Some(entry) = entries.next_entry().map_err(damaged)? {
+        let name = String::from_utf8_lossy(entry.file_path().as_bytes()).into_owned();
         let Some(name) = name.strip_suffix(".npy").map(str::to_owned) else {
             left_out.push(format!("'{name}' (is no array)"));
             continue;
         };
         let place = format!("array '{name}'");
-        let is_deflated = entry.compression() == CompressionMethod::Deflated;
-        if entry.encrypted() || !(is_deflated || entry.compression() == CompressionMethod::Stored) {
+        let is_deflated = entry.compression_method() == CompressionMethod::DEFLATE;
+        let is_read = is_deflated || entry.compression_method() == CompressionMethod::STORE;
+        if entry.flags().is_encrypted() || !is_read {
             return Err(FileError::unsupported(path, place, "is encrypted, or compressed in a way that is not read")
                 .remedy("write it with numpy.savez or numpy.savez_compressed"));
         }
-        let start = entry.data_start().ok_or_else(|| damaged(&"it has no data"))?;
-        let (compressed, size) = (entry.compressed_size(), entry.size());
-        drop(entry);
+        let size = entry.uncompressed_size_hint();
+        let (start, end) = archive.get_entry(entry.wayfinder()).map_err(damaged)?.compressed_data_range();
+        let compressed = end.saturating_sub(start);
         let member = Member { start, compressed, size, is_deflated };
         let header = Header::read(&mut member.open(path)?).map_err(|problem| invalid(place.clone(), problem))?;
         let number = match header.number {

@@ -1,10 +1,10 @@
 use super::*;
 use crate::field::Component;
 use crate::random::SplitMix64;
+use flate2::write::DeflateEncoder;
+use rawzip::{CompressionMethod, ZipArchiveWriter};
 use std::fs;
-use std::io::{Cursor, Write};
-use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, ZipWriter};
+use std::io::Write;
 
 /// An array as NumPy writes it.
 fn npy(descr: &str, shape: &str, numbers: &[u8]) -> Vec<u8> {
@@ -23,13 +23,27 @@ fn integers(shape: &str, numbers: &[i32]) -> Vec<u8> {
 type Arrays = Vec<(&'static str, Vec<u8>)>;
 
 fn packed(arrays: &Arrays, method: CompressionMethod) -> Vec<u8> {
-    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    let mut out = Vec::new();
+    let mut zip = ZipArchiveWriter::new(&mut out);
     for (name, bytes) in arrays {
-        zip.start_file(format!("{name}.npy"), SimpleFileOptions::default().compression_method(method))
-            .expect("a member");
-        zip.write_all(bytes).expect("is written");
+        let name = format!("{name}.npy");
+        let file = zip.new_file(&name).compression_method(method);
+        let (mut entry, config) = file.start().expect("a member");
+        let descriptor = if method == CompressionMethod::DEFLATE {
+            let mut writer = config.wrap(DeflateEncoder::new(&mut entry, flate2::Compression::default()));
+            writer.write_all(bytes).expect("is written");
+            let (encoder, descriptor) = writer.finish().expect("is written");
+            encoder.finish().expect("is written");
+            descriptor
+        } else {
+            let mut writer = config.wrap(&mut entry);
+            writer.write_all(bytes).expect("is written");
+            writer.finish().expect("is written").1
+        };
+        entry.finish(descriptor).expect("is finished");
     }
-    zip.finish().expect("is finished").into_inner()
+    zip.finish().expect("is finished");
+    out
 }
 
 /// Does something with the series of a file of these bytes; the error is the message.
@@ -74,7 +88,7 @@ fn series() -> Arrays {
 
 #[test]
 fn steps_are_rows_in_order_of_time_compressed_or_not() {
-    for method in [CompressionMethod::Stored, CompressionMethod::Deflated] {
+    for method in [CompressionMethod::STORE, CompressionMethod::DEFLATE] {
         with(&packed(&series(), method), |source| {
             assert_eq!(source.times().values, [0.5, 1.0, 2.0]);
             let mesh = source.mesh()?;
@@ -85,7 +99,7 @@ fn steps_are_rows_in_order_of_time_compressed_or_not() {
             assert_eq!((read(source, "c", 0, 1)?, read(source, "on", 0, 1)?), (vec![4.0, 5.0], vec![1.0, 1.0]));
             let notes = source.notes().join("; ");
             assert!(notes.contains("'still' (has the shape [5]") && notes.contains("'names' (holds no"), "{notes}");
-            assert_eq!(notes.contains("compressed"), method == CompressionMethod::Deflated, "{notes}");
+            assert_eq!(notes.contains("compressed"), method == CompressionMethod::DEFLATE, "{notes}");
             Ok(())
         })
         .expect("is read");
@@ -99,7 +113,7 @@ fn without_times_there_is_one_step_whose_axis_may_be_missing() {
     arrays.push(("U", floats("(1, 5, 3)", counted(15))));
     arrays.push(("E", floats("(2, 3)", counted(6))));
     arrays.push(("late", floats("(3, 5)", counted(15))));
-    with(&packed(&arrays, CompressionMethod::Stored), |source| {
+    with(&packed(&arrays, CompressionMethod::STORE), |source| {
         assert_eq!(source.times().values, [0.0]);
         assert_eq!((read(source, "T", 0, 0)?[4], read(source, "U", 2, 0)?[4]), (4.0, 14.0));
         assert_eq!(read(source, "E", 1, 0)?, [1.0, 4.0]);
@@ -117,7 +131,7 @@ fn lists_of_cells_say_where_each_begins_or_ends() {
         arrays.push(("types", npy("'|u1'", "(2,)", &[14, 10])));
         arrays.push(("offsets", integers(offsets.0, offsets.1)));
         arrays.push(("connectivity", integers("(9,)", &[0, 1, 2, 3, 4, 0, 1, 2, 4])));
-        let cells = with(&packed(&arrays, CompressionMethod::Stored), |source| {
+        let cells = with(&packed(&arrays, CompressionMethod::STORE), |source| {
             Ok(source.mesh()?.cells.iter().map(<[u32]>::to_vec).collect::<Vec<_>>())
         });
         assert_eq!(cells, Ok(vec![vec![0, 1, 2, 4], vec![0, 1, 2, 3, 4]]), "{offsets:?}");
@@ -162,11 +176,11 @@ fn what_is_missing_or_wrong_is_named_with_a_remedy() {
         (equal("T"), "point_T or cell_T"),
         (replaced("T", b"no array".to_vec()), "NumPy"),
     ] {
-        let error = with(&packed(&arrays, CompressionMethod::Stored), |_| Ok(())).expect_err(expected);
+        let error = with(&packed(&arrays, CompressionMethod::STORE), |_| Ok(())).expect_err(expected);
         assert!(error.contains(expected) && error.contains("x.npz"), "{error}");
     }
     let on = |name| {
-        with(&packed(&equal(name), CompressionMethod::Stored), |source| {
+        with(&packed(&equal(name), CompressionMethod::STORE), |source| {
             Ok(source.fields().iter().map(|field| (field.name.clone(), field.association)).collect::<Vec<_>>())
         })
     };
@@ -194,7 +208,7 @@ fn read_all(bytes: &[u8]) -> Result<(), String> {
 #[test]
 fn files_that_are_cut_or_have_other_bytes_never_panic() {
     let (mut refused, mut random) = (0, SplitMix64::new(3));
-    for method in [CompressionMethod::Stored, CompressionMethod::Deflated] {
+    for method in [CompressionMethod::STORE, CompressionMethod::DEFLATE] {
         let bytes = packed(&series(), method);
         assert_eq!(read_all(&bytes), Ok(()));
         for end in (0..bytes.len()).step_by(7) {
