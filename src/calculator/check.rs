@@ -33,13 +33,19 @@ pub(super) enum Step {
     /// A function of a tuple, which appends the components.
     Tuple(fn(&[f64], &mut Vec<f64>), Box<Checked>),
     /// A function of two tuples.
-    Tuples(fn([&[f64]; 2], &mut Vec<f64>), Box<[Checked; 2]>),
+    Tuples(OfTuples, Box<[Checked; 2]>),
     Vector(Box<[Checked; 3]>),
     Gradient(Box<Checked>),
 }
 
+/// A name, and a function of a number, or of two.
+type OfOne = (&'static str, fn(f64) -> f64);
+type OfTwo = (&'static str, fn(f64, f64) -> f64);
+/// A function of two tuples, which appends the components.
+type OfTuples = fn([&[f64]; 2], &mut Vec<f64>);
+
 /// Functions of a number.
-const EACH: &[(&str, fn(f64) -> f64)] = &[
+const EACH: &[OfOne] = &[
     ("abs", f64::abs),
     ("acos", f64::acos),
     ("asin", f64::asin),
@@ -56,7 +62,7 @@ const EACH: &[(&str, fn(f64) -> f64)] = &[
 ];
 
 /// Functions of two numbers. Both minimum and maximum are NaN if a number is.
-const PAIR: &[(&str, fn(f64, f64) -> f64)] = &[
+const PAIR: &[OfTwo] = &[
     ("atan2", f64::atan2),
     ("max", |a, b| if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) }),
     ("min", |a, b| if a.is_nan() || b.is_nan() { f64::NAN } else { a.min(b) }),
@@ -241,7 +247,7 @@ impl Checker<'_> {
                 let (pair, association) = two()?;
                 self.needs(at, name, &pair[0], &[3])?;
                 self.needs(at, name, &pair[1], &[3])?;
-                let (components, function): (_, fn([&[f64]; 2], &mut Vec<f64>)) = match name {
+                let (components, function): (_, OfTuples) = match name {
                     "dot" => (1, |[a, b], out| out.push(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])),
                     _ => (3, |[a, b], out| {
                         let part = |i: usize, j: usize| a[i] * b[j] - a[j] * b[i];

@@ -19,16 +19,9 @@ pub(super) struct Mesh {
 /// Cells.
 enum Cells {
     /// Of one type, with so many corners each.
-    Same {
-        corners: Array,
-        vtk: u8,
-        width: usize,
-    },
-    Listed {
-        types: Array,
-        offsets: Array,
-        connectivity: Array,
-    },
+    Same { corners: Array, vtk: u8, width: usize },
+    /// Of any types: these, where the vertices of each cell end, and the vertices.
+    Listed(Box<[Array; 3]>),
 }
 
 /// VTK's type of cells with so many corners.
@@ -57,7 +50,7 @@ impl Mesh {
                         .invalid(problem)
                         .remedy("write where each cell begins, and where the last one ends"));
                 }
-                (Cells::Listed { types, offsets, connectivity }, count)
+                (Cells::Listed(Box::new([types, offsets, connectivity])), count)
             }
             (Some(cells), Some(_)) => {
                 return Err(cells.invalid("is there beside 'connectivity'").remedy("write one of them"));
@@ -89,7 +82,8 @@ impl Mesh {
                         .map_err(|problem| corners.invalid(problem))?;
                 }
             }
-            Cells::Listed { types, offsets, connectivity } => {
+            Cells::Listed(arrays) => {
+                let [types, offsets, connectivity] = &**arrays;
                 let mut ends = indices(offsets)?;
                 let connectivity = indices(connectivity)?;
                 if ends.len() > self.cells && ends[0] == 0 {

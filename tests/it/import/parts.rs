@@ -120,7 +120,7 @@ fn points_that_pieces_share_are_one_where_their_values_agree_in_the_first_step()
     // A piece of each cell, with the points of that cell alone. In the second step, the pieces disagree at one point.
     for step in 0..2 {
         for (cell, (of_type, vertices)) in whole.cells.iter().enumerate() {
-            let points: Vec<_> = vertices.iter().map(|&v| whole.points[v as usize]).collect();
+            let points: Vec<_> = vertices.iter().map(|&v| whole.points[v]).collect();
             let mut values: Vec<f64> = vertices.iter().map(|&v| v as f64).collect();
             if (step, cell) == (1, 1) {
                 values[1] += 0.5;
