@@ -45,7 +45,15 @@ pub const FORMATS: &[Format] = &[
     npz::FORMAT,
 ];
 
+/// The extensions of what most series come in.
+const COMMON: [&str; 6] = ["pvd", "vtu", "pvtu", "vtm", "series", "xdmf"];
+
 impl Format {
+    /// The extensions of the formats that most series come in, where there is no room for all.
+    pub fn common_extensions() -> String {
+        COMMON.map(|extension| format!(".{extension}")).join(", ")
+    }
+
     /// The format of a file, by the extension of its name.
     pub fn of(path: &Path) -> Option<&'static Self> {
         let extension = extension(path);
@@ -87,6 +95,7 @@ mod tests {
             assert!(Format::of(Path::new(&format!("a.{}", extension.to_uppercase()))).is_some());
         }
         assert!(FORMATS.iter().all(|format| Format::list().contains(format.name)));
+        assert!(COMMON.iter().all(|extension| all.contains(extension)), "{}", Format::common_extensions());
         assert_eq!(
             Format::extensions(),
             ".pvd, .vtu, .pvtu, .vtm, .vti, .vtr, .vts, .vtk, .series, .vtkhdf, .xdmf, .e, .npz"

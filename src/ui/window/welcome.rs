@@ -29,7 +29,7 @@ impl PathBox {
         let mut is_entered = false;
         ui.horizontal(|ui| {
             let edit = egui::TextEdit::singleline(&mut self.text)
-                .hint_text(format!("path of a .zarr, {}", Format::extensions()));
+                .hint_text(format!("path of a .zarr, {}", Format::common_extensions()));
             let response = labelled(ui.add(edit.desired_width(320.0)), "Path to open");
             is_entered = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
             // Typing goes to the box, from the first letter on.
@@ -64,7 +64,7 @@ pub(super) fn show(ui: &mut Ui, path_box: &mut PathBox, files: &[RecentFile]) ->
         ui.add_space(0.25 * ui.available_height());
         ui.heading("tetreel");
         ui.add_space(8.0);
-        ui.label(format!("Drop a store (.zarr) or files of a simulation ({}) here,", Format::extensions()));
+        ui.label(format!("Drop a store (.zarr) or files of a simulation ({}) here,", Format::common_extensions()));
         ui.label("or name one:");
         ui.add_space(8.0);
         ui.allocate_ui_with_layout(egui::vec2(400.0, 24.0), Layout::left_to_right(Align::Center), |ui| {
