@@ -125,7 +125,7 @@ pub fn calculated(
     Ok(Box::new(Calculated { source, fields, formulas, geometry, last, zeros }))
 }
 
-/// Base and quantity of each name that asks for one which has the unit of its field.
+/// The field whose unit the values of this name have, if it is `FIELD:QUANTITY` of a quantity that keeps the unit.
 pub fn base_of_unit(name: &str) -> Option<&str> {
     let (field, quantity) = name.rsplit_once(':')?;
     check::quantities().any(|(known, keeps)| keeps && known == quantity).then_some(field)

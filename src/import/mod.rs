@@ -142,6 +142,22 @@ fn unsupported(path: &Path) -> FileError {
         .remedy(format!("convert it, for example with ParaView or meshio, to what is read: {}", Format::list()))
 }
 
+/// Reads the mesh and three steps of each field; they have as many values as there are points or cells.
+#[cfg(test)]
+fn read_all(source: &dyn SeriesSource) -> FileResult<()> {
+    use crate::field::{Association, Component};
+    let mesh = source.mesh()?;
+    for field in source.fields() {
+        for step in 0..source.times().len().min(3) {
+            let mut out = Vec::new();
+            source.read(field, Component::Magnitude, step, &mut out)?;
+            let is_point = field.association == Association::Point;
+            assert_eq!(out.len(), if is_point { mesh.points.len() } else { mesh.cells.len() });
+        }
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

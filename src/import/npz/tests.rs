@@ -191,18 +191,7 @@ fn what_is_missing_or_wrong_is_named_with_a_remedy() {
 
 /// Reads all that there is.
 fn read_all(bytes: &[u8]) -> Result<(), String> {
-    with(bytes, |source| {
-        let mesh = source.mesh()?;
-        for field in source.fields() {
-            for step in 0..source.times().len().min(3) {
-                let mut out = Vec::new();
-                source.read(field, Component::Magnitude, step, &mut out)?;
-                let is_point = field.association == Association::Point;
-                assert_eq!(out.len(), if is_point { mesh.points.len() } else { mesh.cells.len() });
-            }
-        }
-        Ok(())
-    })
+    with(bytes, crate::import::read_all)
 }
 
 #[test]
