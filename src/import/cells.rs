@@ -229,7 +229,7 @@ impl GridReader {
             ));
         }
         if self.ghosts > 0 {
-            notes.push(format!("skipped {} ghost cells (array vtkGhostType)", self.ghosts));
+            notes.push(format!("skipped {} ghost cells", self.ghosts));
         }
         notes
     }

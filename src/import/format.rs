@@ -1,7 +1,7 @@
 //! The supported input formats.
 
 use super::content::Head;
-use super::{exodus, legacy, npz, parts, pvd, vtkhdf, vtu, xdmf};
+use super::{ensight, exodus, legacy, npz, parts, pvd, vtkhdf, vtu, xdmf};
 use crate::error::FileResult;
 use crate::field::SeriesSource;
 use std::path::{Path, PathBuf};
@@ -42,6 +42,7 @@ pub const FORMATS: &[Format] = &[
     vtkhdf::FORMAT,
     xdmf::FORMAT,
     exodus::FORMAT,
+    ensight::FORMAT,
     npz::FORMAT,
 ];
 
@@ -98,7 +99,7 @@ mod tests {
         assert!(COMMON.iter().all(|extension| all.contains(extension)), "{}", Format::common_extensions());
         assert_eq!(
             Format::extensions(),
-            ".pvd, .vtu, .pvtu, .vtm, .vti, .vtr, .vts, .vtk, .series, .vtkhdf, .xdmf, .e, .npz"
+            ".pvd, .vtu, .pvtu, .vtm, .vti, .vtr, .vts, .vtk, .series, .vtkhdf, .xdmf, .e, .case, .npz"
         );
     }
 }

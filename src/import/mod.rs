@@ -12,6 +12,7 @@
 //! | `.vtkhdf`, `.hdf` | VTKHDF: a grid of VTK in HDF5, with all its steps | `vtkhdf` |
 //! | `.xdmf`, `.xmf` | XDMF: an XML file with the arrays of a series in HDF5 or binary files beside it | `xdmf` |
 //! | `.e`, `.exo`, `.g`, ... | Exodus II in any format of netCDF: a mesh in blocks, and all steps | `exodus` |
+//! | `.case`, `.encas` | EnSight Gold: a file that names those of the mesh and of each variable at each step | `ensight` |
 //! | `.npz` | arrays of NumPy by their names: a mesh and fields at all steps | `npz` |
 //!
 //! A reader yields a [`SeriesSource`]; another format is a folder here and a line of [`FORMATS`].
@@ -20,6 +21,8 @@ mod cache;
 mod cell_list;
 mod cells;
 mod content;
+mod cursor;
+mod ensight;
 mod exodus;
 mod faces;
 mod format;
@@ -38,6 +41,7 @@ mod series;
 mod tally;
 mod timed;
 mod times;
+mod tuples;
 mod vtkhdf;
 mod vtu;
 mod xdmf;

@@ -175,7 +175,7 @@ impl Parts {
 }
 
 /// The file of a name in another file, in whose folder or below it must lie; the error says what is wrong with it.
-fn located(path: &Path, name: &str) -> Result<PathBuf, String> {
+pub(super) fn located(path: &Path, name: &str) -> Result<PathBuf, String> {
     let name = name.replace('\\', "/");
     let relative = Path::new(&name);
     if !relative.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir)) {

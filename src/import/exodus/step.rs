@@ -1,9 +1,10 @@
 //! A step of a file. Its mesh is that of all steps.
 
 use super::super::cells::GridReader;
-use super::super::numbers::{Number, Numbers, Values};
+use super::super::numbers::{Numbers, Values};
 use super::super::pieces::Piece;
 use super::super::series::StepReader;
+use super::super::tuples::Tuples;
 use super::blocks::Block;
 use super::database::{Database, Source, element_name};
 use super::faces::FaceBlocks;
@@ -177,32 +178,5 @@ impl Whole {
             }
         }
         Ok(out.numbers)
-    }
-}
-
-/// Tuples that are filled component by component.
-struct Tuples {
-    numbers: Numbers,
-    width: usize,
-}
-
-impl Tuples {
-    fn new(width: usize, tuples: usize, is_f32: bool) -> Self {
-        let number = if is_f32 { Number::Float32 } else { Number::Float64 };
-        let bytes = vec![0; number.size() * width * tuples];
-        Self { numbers: Numbers { number, big_endian: false, bytes }, width }
-    }
-
-    /// Sets a component of the tuples from the first one on.
-    fn put(&mut self, component: usize, first: usize, values: impl IntoIterator<Item = f64>) {
-        let size = self.numbers.number.size();
-        let tuples = self.numbers.bytes.chunks_exact_mut(size * self.width).skip(first);
-        for (tuple, value) in tuples.zip(values) {
-            let place = &mut tuple[component * size..(component + 1) * size];
-            match self.numbers.number {
-                Number::Float32 => place.copy_from_slice(&(value as f32).to_le_bytes()),
-                _ => place.copy_from_slice(&value.to_le_bytes()),
-            }
-        }
     }
 }

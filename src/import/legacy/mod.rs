@@ -6,7 +6,7 @@
 
 mod array;
 mod attributes;
-mod cursor;
+
 mod grid;
 mod header;
 mod step;
@@ -15,6 +15,7 @@ mod tests;
 
 pub(super) use step::LegacyStep;
 
+use super::cursor;
 use super::format::{Format, extension};
 use super::numbers::{ArrayBytes, Decoded, Number, parse_ascii};
 use super::series::Series;

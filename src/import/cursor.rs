@@ -1,4 +1,4 @@
-//! A place in a legacy file, which moves on word by word, line by line or array by array.
+//! A place in a file of text and binary arrays, which moves on word by word, line by line or array by array.
 
 use crate::error::{FileError, FileResult};
 use std::ops::Range;
