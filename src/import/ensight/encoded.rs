@@ -39,7 +39,12 @@ impl<'a> Reader<'a> {
                 self.cursor.bytes[range].split(|&byte| byte == 0).next()
             }
         };
-        Ok(line.map(|line| String::from_utf8_lossy(line.trim_ascii()).into_owned()))
+        let line = line.map(|line| String::from_utf8_lossy(line.trim_ascii()).into_owned());
+        if line.as_ref().is_some_and(|line| line.eq_ignore_ascii_case("BEGIN TIME STEP")) {
+            let error = self.cursor.unsupported("has several steps in one file, which is not read".to_owned());
+            return Err(error.remedy(AS_GOLD));
+        }
+        Ok(line)
     }
 
     /// The next line, `what`.
@@ -52,10 +57,6 @@ impl<'a> Reader<'a> {
         loop {
             match self.next_line()? {
                 Some(line) if line.is_empty() => {}
-                Some(line) if line.eq_ignore_ascii_case("BEGIN TIME STEP") => {
-                    let error = self.cursor.unsupported("has several steps in one file, which is not read".to_owned());
-                    return Err(error.remedy(AS_GOLD));
-                }
                 other => return Ok(other),
             }
         }
