@@ -1,6 +1,7 @@
 //! Tests of `import` across modules: files written by VTK, series on disk, and damaged files.
 
 mod damage;
+mod ensight;
 mod exodus;
 mod legacy;
 mod npz;

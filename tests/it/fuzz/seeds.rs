@@ -42,6 +42,7 @@ fn write_all(to: &Path) {
     xdmf_and_pvd(to);
     parts(to);
     exodus(to);
+    ensight(to);
     images(to);
     transfer_functions(to);
     texts(to);
@@ -228,6 +229,20 @@ a b
 vtkGhostType 1 1 unsigned_char
 0
 ";
+
+/// A case as text and one in C binary, in files of their own.
+fn ensight(to: &Path) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/ensight");
+    for kind in ["text", "binary"] {
+        let data = |name: &str| fs::read(folder.join(name)).unwrap();
+        let [mesh, t0, t1, p] = ["mesh.geo", "T.0", "T.1", "p"].map(|name| format!("{kind}.{name}"));
+        let bytes = [&mesh, &t0, &t1, &p].map(|name| data(name));
+        let case = data(&format!("{kind}.case"));
+        let files =
+            [&mesh, &t0, &t1, &p].into_iter().zip(&bytes).map(|(name, bytes)| (name.as_str(), &bytes[..], false));
+        put(to, "ensight", kind, &pack([("fuzzed.case", &case[..], false)].into_iter().chain(files)));
+    }
+}
 
 /// The files of the tests.
 fn exodus(to: &Path) {
