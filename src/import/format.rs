@@ -1,7 +1,7 @@
 //! The supported input formats.
 
 use super::content::Head;
-use super::{ensight, exodus, legacy, npz, parts, pvd, vtkhdf, vtu, xdmf};
+use super::{ensight, exodus, legacy, npz, parts, pvd, raw, vtkhdf, vtu, xdmf};
 use crate::error::FileResult;
 use crate::field::SeriesSource;
 use std::path::{Path, PathBuf};
@@ -44,6 +44,8 @@ pub const FORMATS: &[Format] = &[
     exodus::FORMAT,
     ensight::FORMAT,
     npz::FORMAT,
+    raw::METAIMAGE,
+    raw::NRRD,
 ];
 
 /// The extensions of what most series come in.
@@ -99,7 +101,7 @@ mod tests {
         assert!(COMMON.iter().all(|extension| all.contains(extension)), "{}", Format::common_extensions());
         assert_eq!(
             Format::extensions(),
-            ".pvd, .vtu, .pvtu, .vtm, .vti, .vtr, .vts, .vtk, .series, .vtkhdf, .xdmf, .e, .case, .npz"
+            ".pvd, .vtu, .pvtu, .vtm, .vti, .vtr, .vts, .vtk, .series, .vtkhdf, .xdmf, .e, .case, .npz, .mhd, .nhdr"
         );
     }
 }

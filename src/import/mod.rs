@@ -13,6 +13,7 @@
 //! | `.xdmf`, `.xmf` | XDMF: an XML file with the arrays of a series in HDF5 or binary files beside it | `xdmf` |
 //! | `.e`, `.exo`, `.g`, ... | Exodus II in any format of netCDF: a mesh in blocks, and all steps | `exodus` |
 //! | `.case`, `.encas` | EnSight Gold: a file that names those of the mesh and of each variable at each step | `ensight` |
+//! | `.mhd`, `.mha`, `.nhdr`, `.nrrd` | raw volumes with a header of MetaImage or NRRD: one step, or several in NRRD | `raw` |
 //! | `.npz` | arrays of NumPy by their names: a mesh and fields at all steps | `npz` |
 //!
 //! A reader yields a [`SeriesSource`]; another format is a folder here and a line of [`FORMATS`].
@@ -37,6 +38,7 @@ mod numbers;
 mod parts;
 mod pieces;
 mod pvd;
+mod raw;
 mod series;
 mod tally;
 mod timed;
