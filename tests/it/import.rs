@@ -6,6 +6,7 @@ mod exodus;
 mod legacy;
 mod npz;
 mod parts;
+mod raw;
 pub mod series;
 mod shapes;
 mod vtkhdf;

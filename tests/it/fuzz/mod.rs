@@ -35,6 +35,7 @@ const MUTANTS: &[(&str, u64)] = &[
     ("ensight", 800),
     ("vtkhdf", 1200),
     ("npz", 800),
+    ("raw", 800),
     ("transfer_function", 800),
     ("color_maps", 800),
     ("settings", 400),
@@ -102,6 +103,7 @@ replayed! {
     any_bytes_are_an_ensight_case_or_an_error: "ensight";
     any_bytes_are_a_vtkhdf_series_or_an_error: "vtkhdf";
     any_bytes_are_arrays_of_numpy_or_an_error: "npz";
+    any_bytes_are_a_raw_volume_or_an_error: "raw";
     any_bytes_are_a_transfer_function_or_an_error: "transfer_function";
     any_bytes_are_colour_maps_or_an_error: "color_maps";
     any_bytes_are_settings_or_a_notice: "settings";

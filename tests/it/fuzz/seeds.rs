@@ -43,6 +43,7 @@ fn write_all(to: &Path) {
     parts(to);
     exodus(to);
     ensight(to);
+    raw(to);
     images(to);
     transfer_functions(to);
     texts(to);
@@ -229,6 +230,21 @@ a b
 vtkGhostType 1 1 unsigned_char
 0
 ";
+
+/// Volumes with a header before their values.
+fn raw(to: &Path) {
+    let values: Vec<u8> = (0..24_u8).flat_map(|i| (f32::from(i) * 0.5).to_le_bytes()).collect();
+    let meta = b"ObjectType = Image\nNDims = 3\nDimSize = 2 3 4\nElementSpacing = 0.5 1 2\nOffset = 1 0 -1\n\
+                 TransformMatrix = 1 0 0 0 1 0 0 0 1\nElementType = MET_FLOAT\nElementDataFile = LOCAL\n";
+    put(to, "raw", "metaimage", &[&meta[..], &values].concat());
+    let nrrd = b"NRRD0004\ntype: float\ndimension: 4\nsizes: 2 3 2 2\nspace: left-posterior-superior\n\
+                 space directions: (1,0,0) (0,1,0) (0,0,1) none\nspace origin: (0,0,0)\nkinds: domain domain domain list\n\
+                 endian: little\nencoding: raw\n\n";
+    put(to, "raw", "nrrd", &[&nrrd[..], &values].concat());
+    let text =
+        b"NRRD0001\ncontent: T\ntype: float\ndimension: 3\nsizes: 2 2 2\nencoding: ascii\n\n1 2 3 4\n5 6 7 1e3\n";
+    put(to, "raw", "text", text);
+}
 
 /// A case as text and one in C binary, in files of their own.
 fn ensight(to: &Path) {

@@ -40,6 +40,8 @@ pub const TARGETS: &[Target] = &[
     Target { name: "ensight", run: |bytes| series_of(bytes, "fuzzed.case") },
     Target { name: "vtkhdf", run: |bytes| file_of(bytes, "fuzzed.vtkhdf") },
     Target { name: "npz", run: |bytes| file_of(bytes, "fuzzed.npz") },
+    // What a file begins with says which of the two headers it has.
+    Target { name: "raw", run: |bytes| file_of(bytes, "fuzzed.mha") },
     Target { name: "transfer_function", run: transfer_function },
     Target { name: "color_maps", run: color_maps },
     Target { name: "settings", run: settings },
