@@ -165,10 +165,10 @@ impl PartialTable {
     #[inline(always)]
     fn tau_at(&self, interval: usize, scalar: f64) -> f64 {
         let [lo, hi] = self.taus[interval];
-        let of = self.exact.interval(interval);
-        let share = (scalar - of.origin) * of.per_width;
-        // Not the lower end plus a part of the rise, which would cancel where extinction falls to zero.
-        (lo * (1.0 - share) + hi * share).max(0.0)
+        let (foot, top) = if lo <= hi { (lo, hi) } else { (hi, lo) };
+        let share = self.exact.interval(interval).share(scalar);
+        // Neither end plus a part of the rise: the other end would not be exact.
+        (foot * (1.0 - share) + top * share).max(0.0)
     }
 
     /// The stretch behind place `from` on the way to place `to`, and the place where it ends: the middle of the largest block whose halves

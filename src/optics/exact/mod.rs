@@ -4,8 +4,8 @@
 //! Along a ray the scalar is continuous, so the table interval that contains it is known from the segment before: [`ExactRay`] walks up and
 //! down the intervals and never searches. The values of table and scalar at the end of a piece are those at the start of the next.
 //!
-//! A piece goes down a ramp in f32 from its upper end, so that next to nothing at the foot of a steep one has few digits: opacities of
-//! 1e-16 and less at the foot of a spike are off by 2e-5 of themselves (`bench::accuracy`, one segment).
+//! Values within an interval are interpolated from its foot, the end with less extinction: both summands are positive, so that the extinction
+//! keeps its digits all the way down a steep ramp. From the other end it would be off by 2^-24 of the extinction at the top.
 
 mod whole;
 
@@ -39,12 +39,12 @@ pub(crate) struct Interval {
     /// Scalars from `lo` to `hi`; the first and last interval reach to infinity and are constant.
     pub(crate) lo: f64,
     pub(crate) hi: f64,
-    /// 1 / (hi - lo), or 0 where constant.
-    pub(crate) per_width: f64,
-    /// Origin from which shares of the width are counted: `lo`, or 0 where constant.
-    pub(crate) origin: f64,
-    at_lo: Optical,
-    /// Value at `hi` less that at `lo`.
+    /// 1 / (hi - lo), negative where the foot is `hi`, or 0 where constant.
+    per_width: f64,
+    /// The foot, from which shares of the width are counted: that of `lo` and `hi` with less extinction, or 0 where constant.
+    origin: f64,
+    at_foot: Optical,
+    /// Value at the other end less that at the foot.
     rise: Optical,
     /// Whether extinction is zero throughout.
     pub(super) transparent: bool,
@@ -55,16 +55,28 @@ impl Interval {
         // The largest extinction that stays finite when it is averaged.
         let tau = |n: &Node| (n.tau * world_per_length).min(f64::from(f32::MAX / 4.0)) as f32;
         let optical = |n: &Node| Vec4::new(n.rgb[0] as f32, n.rgb[1] as f32, n.rgb[2] as f32, tau(n));
-        let (at_lo, rise) = (Optical(optical(a)), Optical(optical(b) - optical(a)));
-        let per_width = if lo.is_finite() && hi.is_finite() { 1.0 / (hi - lo) } else { 0.0 };
-        let origin = if per_width == 0.0 { 0.0 } else { lo };
-        Self { lo, hi, per_width, origin, at_lo, rise, transparent: a.tau == 0.0 && b.tau == 0.0 }
+        let (foot, top, sign) = if b.tau < a.tau { (b, a, -1.0) } else { (a, b, 1.0) };
+        let (at_foot, rise) = (Optical(optical(foot)), Optical(optical(top) - optical(foot)));
+        let per_width = if lo.is_finite() && hi.is_finite() { sign / (hi - lo) } else { 0.0 };
+        let origin = if per_width == 0.0 { 0.0 } else { foot.scalar };
+        Self { lo, hi, per_width, origin, at_foot, rise, transparent: a.tau == 0.0 && b.tau == 0.0 }
+    }
+
+    /// The distance of a scalar from the foot, in widths; 0 where constant.
+    #[inline(always)]
+    pub(super) fn share(&self, scalar: f64) -> f64 {
+        if self.per_width == 0.0 { 0.0 } else { (scalar - self.origin) * self.per_width }
     }
 
     #[inline]
     pub(super) fn at(&self, scalar: f64) -> Optical {
-        let share = if self.per_width == 0.0 { 0.0 } else { ((scalar - self.lo) * self.per_width) as f32 };
-        Optical(self.at_lo.0 + self.rise.0 * share)
+        Optical(self.at_foot.0 + self.rise.0 * self.share(scalar) as f32)
+    }
+
+    /// The values at `lo` and at `hi`.
+    fn ends(&self) -> [Vec4; 2] {
+        let (foot, top) = (self.at_foot.0, self.at_foot.0 + self.rise.0);
+        if self.per_width < 0.0 { [top, foot] } else { [foot, top] }
     }
 }
 
@@ -74,14 +86,14 @@ impl Interval {
 pub(crate) struct IntervalRow {
     /// `lo`, `hi`, `origin` and `per_width`.
     pub(crate) bounds: [f64; 4],
-    /// Red, green, blue and extinction at `lo`, then their rise to `hi`.
+    /// Red, green, blue and extinction at the foot, then their rise to the other end.
     pub(crate) values: [f32; 8],
 }
 
 impl IntervalRow {
     fn of(interval: &Interval) -> Self {
-        let Interval { lo, hi, origin, per_width, at_lo, rise, .. } = *interval;
-        let values = bytemuck::cast([at_lo.0.to_array(), rise.0.to_array()]);
+        let Interval { lo, hi, origin, per_width, at_foot, rise, .. } = *interval;
+        let values = bytemuck::cast([at_foot.0.to_array(), rise.0.to_array()]);
         Self { bounds: [lo, hi, origin, per_width], values }
     }
 }
@@ -129,16 +141,16 @@ impl ExactTable {
         }
     }
 
-    /// The table as `shaders/lib/optics_intervals.wgsl` reads it, over scalars seen through `map`: per interval (lo, hi,
-    /// width, 1 / width or 0), colour and extinction at lo, their rise to hi. Widths are those before rounding: an
-    /// interval too narrow for f32 at its place still has one.
+    /// The table as `shaders/lib/optics_intervals.wgsl` reads it, over scalars seen through `map`: per interval (lo, hi, width,
+    /// 1 / width or 0, negative where the foot is hi), colour and extinction at the foot, their rise to the other end. Widths are those
+    /// before rounding: an interval too narrow for f32 at its place still has one.
     pub fn packed(&self, map: ScalarMap) -> Vec<[f32; 4]> {
         const FAR: f64 = 3e38;
         let pack = |i: &Interval| {
             let [lo, hi] = [i.lo, i.hi].map(|s| map.apply(s).clamp(-FAR, FAR) as f32);
             let width = if i.per_width == 0.0 { 0.0 } else { (i.hi - i.lo) * map.prescale * map.scale };
-            let per_width = if width > 0.0 { 1.0 / width } else { 0.0 };
-            [[lo, hi, width as f32, per_width.min(FAR) as f32], i.at_lo.0.to_array(), i.rise.0.to_array()]
+            let per_width = if width > 0.0 { (1.0 / width).min(FAR).copysign(i.per_width) } else { 0.0 };
+            [[lo, hi, width as f32, per_width as f32], i.at_foot.0.to_array(), i.rise.0.to_array()]
         };
         self.intervals.iter().flat_map(pack).collect()
     }

@@ -25,11 +25,12 @@ pub(crate) struct WholePieces {
 
 impl WholePieces {
     pub(super) fn rising(intervals: &[Interval]) -> Self {
-        Self::of(intervals.iter().map(|i| (i.hi, [i.at_lo.0, i.at_lo.0 + i.rise.0], i)))
+        Self::of(intervals.iter().map(|i| (i.hi, i.ends(), i)))
     }
 
     pub(super) fn falling(intervals: &[Interval]) -> Self {
-        Self::of(intervals.iter().rev().map(|i| (-i.lo, [i.at_lo.0 + i.rise.0, i.at_lo.0], i)))
+        let far_to_near = |[lo, hi]: [Vec4; 2]| [hi, lo];
+        Self::of(intervals.iter().rev().map(|i| (-i.lo, far_to_near(i.ends()), i)))
     }
 
     fn of<'a>(pieces: impl Iterator<Item = (f64, [Vec4; 2], &'a Interval)>) -> Self {

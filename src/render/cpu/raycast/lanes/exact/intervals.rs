@@ -11,11 +11,11 @@ use std::arch::x86_64::__m256;
 pub(super) struct Intervals<F, G> {
     pub(super) lo: F,
     pub(super) hi: F,
-    /// Origin of shares: `lo`, if finite.
+    /// The foot, from which shares are counted; 0 where constant.
     pub(super) origin: F,
     pub(super) per_width: F,
-    /// Red, green, blue and extinction at `lo`, and their increase up to `hi`.
-    pub(super) at_lo: [G; 4],
+    /// Red, green, blue and extinction at the foot, and their rise to the other end.
+    pub(super) at_foot: [G; 4],
     pub(super) rise: [G; 4],
 }
 
@@ -30,7 +30,7 @@ impl Intervals<Eight, EightF32> {
             hi: lanes.load(&self.hi),
             origin: lanes.load(&self.origin),
             per_width: lanes.load(&self.per_width),
-            at_lo: cast(self.at_lo),
+            at_foot: cast(self.at_foot),
             rise: cast(self.rise),
         }
     }
@@ -44,12 +44,12 @@ impl<F: Copy> Intervals<F, __m256> {
             hi: lanes.store(self.hi),
             origin: lanes.store(self.origin),
             per_width: lanes.store(self.per_width),
-            at_lo: cast(self.at_lo),
+            at_foot: cast(self.at_foot),
             rise: cast(self.rise),
         }
     }
 
-    /// Fractions of scalars within their intervals; 0 in lanes outside `mask`.
+    /// How far scalars are from the foot, in widths; 0 in lanes outside `mask`.
     #[inline(always)]
     pub(super) fn share<L: Lanes<F = F>>(&self, lanes: L, mask: L::M, scalar: F) -> __m256 {
         let share = lanes.mul(lanes.sub(scalar, self.origin), self.per_width);
@@ -59,7 +59,7 @@ impl<F: Copy> Intervals<F, __m256> {
     /// Red, green, blue or extinction at a share.
     #[inline(always)]
     pub(super) fn value<L: Lanes<F = F>>(&self, lanes: L, i: usize, share: __m256) -> __m256 {
-        lanes.add_f32(self.at_lo[i], lanes.mul_f32(self.rise[i], share))
+        lanes.add_f32(self.at_foot[i], lanes.mul_f32(self.rise[i], share))
     }
 
     /// Sets a lane's interval. Whole vectors are written, since they are read as such immediately afterwards.
@@ -72,7 +72,7 @@ impl<F: Copy> Intervals<F, __m256> {
         self.origin = lanes.select(mask, lanes.splat(origin), self.origin);
         self.per_width = lanes.select(mask, lanes.splat(per_width), self.per_width);
         for i in 0..4 {
-            self.at_lo[i] = lanes.select_f32(mask, lanes.splat_f32(row.values[i]), self.at_lo[i]);
+            self.at_foot[i] = lanes.select_f32(mask, lanes.splat_f32(row.values[i]), self.at_foot[i]);
             self.rise[i] = lanes.select_f32(mask, lanes.splat_f32(row.values[4 + i]), self.rise[i]);
         }
     }
@@ -85,6 +85,6 @@ impl<F: Copy> Intervals<F, __m256> {
         let [lo, hi, origin, per_width] = lanes.transpose(bounds);
         let values = [a, b, c, d, e, f, g, h].map(|row| &row.values);
         let [r, g, b, tau, dr, dg, db, dtau] = lanes.transpose_f32(values);
-        Self { lo, hi, origin, per_width, at_lo: [r, g, b, tau], rise: [dr, dg, db, dtau] }
+        Self { lo, hi, origin, per_width, at_foot: [r, g, b, tau], rise: [dr, dg, db, dtau] }
     }
 }

@@ -100,7 +100,7 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
             hi: [f64::NEG_INFINITY; LANES],
             origin: zero,
             per_width: zero,
-            at_lo: [[0.0; LANES]; 4],
+            at_foot: [[0.0; LANES]; 4],
             rise: [[0.0; LANES]; 4],
         };
         let empty = [[0.0; LANES]; ROOM];
