@@ -12,6 +12,7 @@ use crate::transfer::{
     TransferSource, build_node_table,
 };
 use crate::visibility::Skip;
+use glam::DVec3;
 use std::sync::Arc;
 
 /// The transfer function if none is chosen: that of [`FirstLook`].
@@ -113,19 +114,22 @@ pub fn mapped_range(series: &Series, policy: &RangePolicy, time: FrameTime) -> R
 }
 
 impl Look {
-    /// The default look: the mesh framed, the range of all steps, opacities per 1 % of the diagonal of the mesh's box.
+    /// The default look: the mesh framed without parts that are far away, the range of all steps, opacities per 1 % of the diagonal of the
+    /// frame.
     ///
     /// # Errors
     /// If the mesh has no extent that a camera can frame.
     pub fn default_for(series: &Series, tf: TransferFunction) -> Result<Self, CameraError> {
-        let bounds = series.mesh().positions.world_bounds();
+        let mesh = series.mesh();
+        let diagonal = |(lo, hi): (DVec3, DVec3)| (hi - lo).length();
+        let unit = Lengths::of_diagonal(diagonal(mesh.frame())).unit_distance;
         Ok(Self {
-            camera: Camera::default_for(bounds)?,
+            camera: Camera::default_for(mesh.frame())?,
             tf,
             range: RangePolicy::default(),
             opacity_kind: OpacityKind::default(),
             // A mesh without extent is refused when it is built, so the diagonal is positive.
-            lengths: Lengths::of_diagonal((bounds.1 - bounds.0).length()),
+            lengths: Lengths::new(unit, diagonal(mesh.positions.world_bounds())),
             mode: RenderMode::default(),
             faces: FaceDetail::default(),
             backend: Backend::default(),

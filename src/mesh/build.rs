@@ -46,7 +46,7 @@ use rayon::prelude::*;
 use super::curve::{CurveKey, cell_curve_index, curve_index, sort_along_curve};
 use super::repair::{self, Orientation};
 use super::{
-    Mesh, MeshError, NONE, Positions, RawMesh, RepairReport, Split, WorstCell, faces, split, tet_aspect_ratio,
+    FarParts, Mesh, MeshError, NONE, Positions, RawMesh, RepairReport, Split, WorstCell, faces, split, tet_aspect_ratio,
 };
 
 impl Mesh {
@@ -126,9 +126,14 @@ impl Mesh {
         let (topology, non_manifold_faces) = faces::connect(vertex_count, tets);
         report.non_manifold_faces = non_manifold_faces;
         report.boundary_faces = topology.boundary_faces().count() as u64;
-        report.parts = topology.count_parts();
+        let parts = topology.parts();
+        report.parts = parts.1.len() as u64;
+        report.far_parts = FarParts::of(&topology.tets, parts, &positions, &cell_source);
         report.worst_cells = worst_cells(&topology.tets, &positions.local, &cell_source);
-        Ok((Mesh::of_parts(topology, positions, [vertex_source, cell_source], cell_turned, split_cells), report))
+        let without_far_parts = report.far_parts.as_ref().map(FarParts::frame);
+        let mut mesh = Mesh::of_parts(topology, positions, [vertex_source, cell_source], cell_turned, split_cells);
+        mesh.without_far_parts = without_far_parts;
+        Ok((mesh, report))
     }
 }
 

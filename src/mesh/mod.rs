@@ -7,6 +7,7 @@ pub mod contour;
 mod curve;
 mod error;
 mod faces;
+mod far;
 mod geometry;
 mod gradient;
 #[cfg(test)]
@@ -28,6 +29,7 @@ mod topology;
 
 pub use cells_around::CellsAround;
 pub use error::MeshError;
+pub use far::FarParts;
 pub use geometry::{tet_aspect_ratio, tet_volume};
 pub use gradient::{tet_gradient, tet_gradient_magnitude};
 pub use plane::Plane;
@@ -64,6 +66,8 @@ pub struct Mesh {
     pub cell_turned: Vec<bool>,
     /// The cells of the [`RawMesh`] of which several cells were made.
     pub split_cells: SplitCells,
+    /// The box of the mesh without parts that are far away, in world coordinates; `None` if there are none.
+    pub without_far_parts: Option<(DVec3, DVec3)>,
     /// Made when values of cells are first brought to the vertices.
     cells_around: OnceLock<CellsAround>,
 }
@@ -78,6 +82,21 @@ impl Mesh {
         split_cells: SplitCells,
     ) -> Self {
         let cells_around = OnceLock::new();
-        Self { topology, positions, vertex_source, cell_source, cell_turned, split_cells, cells_around }
+        let without_far_parts = None;
+        Self {
+            topology,
+            positions,
+            vertex_source,
+            cell_source,
+            cell_turned,
+            split_cells,
+            without_far_parts,
+            cells_around,
+        }
+    }
+
+    /// The box that a picture shows unless told otherwise, in world coordinates: that of the mesh without parts that are far away.
+    pub fn frame(&self) -> (DVec3, DVec3) {
+        self.without_far_parts.unwrap_or_else(|| self.positions.world_bounds())
     }
 }

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::FarParts;
 use serde::Serialize;
 
 /// Counts of what was found and repaired while a mesh was built. `Display` gives a clean mesh one line, and any other
@@ -42,6 +43,9 @@ pub struct RepairReport {
     pub boundary_faces: u64,
     /// Connected components, through faces.
     pub parts: u64,
+    /// Parts so far away that the default view leaves them out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub far_parts: Option<FarParts>,
     /// The tetrahedra of the greatest aspect ratios, the worst first; at most [`WorstCell::MOST`].
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub worst_cells: Vec<WorstCell>,
@@ -72,12 +76,13 @@ impl RepairReport {
     /// The report with other numbers of cells.
     pub fn with_cell_numbers(mut self, number: impl Fn(u32) -> u32) -> Self {
         self.worst_cells.iter_mut().for_each(|worst| worst.source = number(worst.source));
+        self.far_parts.iter_mut().for_each(|far| far.cell = number(far.cell));
         self
     }
 
     /// Whether the source needed no repair and has no defects.
     pub fn is_clean(&self) -> bool {
-        self.findings().all(|(count, _)| count == 0)
+        self.far_parts.is_none() && self.findings().all(|(count, _)| count == 0)
     }
 
     /// The count and the explanation of each kind of repair or defect.
@@ -115,6 +120,14 @@ impl fmt::Display for RepairReport {
         }
         for (count, what) in self.findings().filter(|&(count, _)| count > 0) {
             write!(f, "\n{what}: {count}")?;
+        }
+        if let Some(FarParts { parts, cells, cell, ratio, .. }) = &self.far_parts {
+            let (parts, cells) = (counted(*parts, "part", "parts"), counted(*cells, "cell", "cells"));
+            write!(
+                f,
+                "\nfar from the rest, which the default view shows alone: {parts} of {cells}, as cell {cell} of the source; "
+            )?;
+            write!(f, "the box of all is {ratio:.1e} times that of the rest")?;
         }
         if self.worst_cells.first().is_some_and(|worst| worst.aspect_ratio > WorstCell::WORTH_A_LINE) {
             let of = |cell: &WorstCell| format!("{} ({:.1e})", cell.source, cell.aspect_ratio);

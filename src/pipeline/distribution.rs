@@ -48,11 +48,13 @@ impl Series {
     pub fn first_look(&self, range: Option<RangePolicy>, cancel: &Cancel) -> FirstLook {
         let values = self.distribution(cancel).ok().flatten().unwrap_or_default();
         let ends = self.field.range.map_or((f64::NAN, f64::NAN), |[lo, hi]| (f64::from(lo), f64::from(hi)));
-        let (lo, hi) = self.mesh.positions.world_bounds();
+        let (lo, hi) = self.mesh.frame();
         // In local units, so that no product overflows.
         let side = (hi - lo) / self.mesh.positions.scale;
         let surface = 2.0 * (side.x * side.y + side.y * side.z + side.z * side.x);
-        let chord = 4.0 * self.mesh.total_volume() / surface / Lengths::of_diagonal(side.length()).unit_distance;
+        // No longer than the diagonal, whatever is far away.
+        let chord = (4.0 * self.mesh.total_volume() / surface).min(side.length())
+            / Lengths::of_diagonal(side.length()).unit_distance;
         FirstLook::new(ends, &values, chord, range)
     }
 

@@ -80,6 +80,9 @@ pub(super) struct MeshAttributes {
     /// Corners of the bounding box in world coordinates.
     #[serde(default)]
     pub(super) bounds: Option<[[f64; 3]; 2]>,
+    /// Corners of the box of the mesh without parts that are far away, if there are such.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) frame: Option<[[f64; 3]; 2]>,
     /// Number of the source's cells, if several cells of the mesh are parts of one: so many values has a step of a field of cells.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) source_cells: Option<u64>,

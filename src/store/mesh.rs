@@ -72,7 +72,8 @@ pub(super) fn write(root: &Path, mesh: &Mesh, report: &RepairReport) -> FileResu
     let repair = serde_json::to_value(report).map_err(|e| FileError::invalid(root, MESH, e.to_string()))?;
     let parts = SourceCells::of(&mesh.cell_source);
     let source_cells = (!parts.are_whole()).then(|| parts.len() as u64);
-    let attributes = MeshAttributes { repair, bounds: Some([lo.to_array(), hi.to_array()]), source_cells };
+    let frame = mesh.without_far_parts.map(|(lo, hi)| [lo.to_array(), hi.to_array()]);
+    let attributes = MeshAttributes { repair, bounds: Some([lo.to_array(), hi.to_array()]), frame, source_cells };
     layout::write_group(root, MESH, &attributes)?;
 
     let Positions { origin, scale, local } = &mesh.positions;
@@ -126,7 +127,10 @@ impl StoredMesh {
         let cell_source = read_permutation(root, source, "cell_permutation", self.cells)?;
         let cell_turned = self.read_turned(root, source)?;
         let split_cells = split_cells::read(root, source, self.vertices)?;
-        Ok(Mesh::of_parts(topology, positions, [vertex_source, cell_source], cell_turned, split_cells))
+        let without_far_parts = self.attributes.frame.map(|corners| corners.map(DVec3::from_array).into());
+        let mut mesh = Mesh::of_parts(topology, positions, [vertex_source, cell_source], cell_turned, split_cells);
+        mesh.without_far_parts = without_far_parts;
+        Ok(mesh)
     }
 
     /// Number of values that fields of vertices, or of cells, have in a step.

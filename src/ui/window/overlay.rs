@@ -114,7 +114,7 @@ pub(super) fn show(ui: &Ui, rect: Rect, session: &Session, painted: Option<Paint
     write(inner.left_top() + vec2(0.0, LINE), Align2::LEFT_TOP, &quality(field));
     let camera = &session.camera();
     if overlays.bounding_box {
-        axes::bounding_box(&painter, rect, camera, session.series().mesh().positions.world_bounds(), ink);
+        axes::bounding_box(&painter, rect, camera, session.series().mesh().frame(), ink);
     }
     // Below the legend.
     if overlays.axes && rect.width() >= LEGEND_ROOM.0 && rect.height() >= AXES_ROOM {

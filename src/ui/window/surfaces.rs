@@ -145,7 +145,7 @@ fn parts(ui: &mut Ui, sizes: &[usize], shown: &mut Vec<u32>) {
 
 /// Cuts; each is moved along its normal between the ends of the mesh's box.
 fn cuts(ui: &mut Ui, session: &Session, look: &mut SurfaceLook) {
-    let (lo, hi) = session.series().mesh().positions.world_bounds();
+    let (lo, hi) = session.series().mesh().frame();
     let middle = 0.5 * lo + 0.5 * hi;
     let mut removed = None;
     for (at, cut) in look.cuts.iter_mut().enumerate() {
