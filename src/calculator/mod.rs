@@ -19,7 +19,7 @@ mod tensor;
 mod values;
 
 use crate::error::{FileError, FileResult};
-use crate::field::{Association, Component, FieldInfo, FieldSelector, SeriesSource, TimeAxis};
+use crate::field::{Association, Blocks, Component, FieldInfo, FieldSelector, SeriesSource, TimeAxis};
 use crate::mesh::RawMesh;
 use check::{Checked, Checker, Step};
 use geometry::Geometry;
@@ -262,6 +262,10 @@ impl SeriesSource for Calculated {
 
     fn fields(&self) -> &[FieldInfo] {
         &self.fields
+    }
+
+    fn blocks(&self) -> FileResult<Option<Blocks>> {
+        self.source.blocks()
     }
 
     fn cell_number(&self, cell: u32) -> u32 {

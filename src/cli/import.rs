@@ -64,6 +64,12 @@ pub(super) struct Args {
     /// Let vq err relative to each vertex's own variation, for values over many orders of magnitude
     #[arg(long)]
     relative: bool,
+    /// Import the cells of this block alone, by its name or number (again for more; info SOURCE lists them)
+    #[arg(long = "block", value_name = "NAME")]
+    pub(super) blocks: Vec<String>,
+    /// Let points move: show all steps on the points of the first, and keep the displacement as a field
+    #[arg(long)]
+    pub(super) fixed_points: bool,
     /// Bring values of cells to the vertices, for isosurfaces and smooth pictures: the mean of the cells around each, weighted by
     /// their volumes; without it they stay constant in their cells
     #[arg(long)]
@@ -119,7 +125,12 @@ fn import(args: &Args, codec: CodecChoice, terminal: &Terminal) -> anyhow::Resul
 
 /// The series of the arguments, with the fields that they define, and the quantities that these and `stored` fields are.
 pub(super) fn source(args: &Args, stored: &[FieldSelector]) -> FileResult<Box<dyn SeriesSource>> {
-    calculated(import::open_many(&args.sources)?, &args.definitions, &[&args.fields[..], stored].concat())
+    let mut source = import::open_many(&args.sources)?;
+    if args.fixed_points {
+        source.fix_points()?;
+    }
+    let source = import::choose_blocks(source, &args.blocks)?;
+    calculated(source, &args.definitions, &[&args.fields[..], stored].concat())
 }
 
 fn seconds(text: &str) -> Result<f64, String> {

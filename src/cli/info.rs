@@ -2,10 +2,10 @@
 
 use super::progress::Terminal;
 use super::{Outcome, print_result};
-use crate::field::{Association, FieldInfo, SeriesSource};
+use crate::field::{Association, Block, FieldInfo, SeriesSource};
 use crate::import::{self, Format};
 use crate::short::Short;
-use crate::store::{Store, TimeInfo, is_store};
+use crate::store::{BlockInfo, Store, TimeInfo, is_store};
 use glam::DVec3;
 use serde::Serialize;
 use std::fmt;
@@ -56,6 +56,9 @@ struct SourceMesh {
     tetrahedra: usize,
     /// Corners of the box around all finite points; `None` without any.
     bounds: Option<[[f64; 3]; 2]>,
+    /// The blocks, which import chooses by name or number.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    blocks: Vec<BlockInfo>,
 }
 
 impl SourceInfo {
@@ -67,6 +70,14 @@ impl SourceInfo {
             let grow = |[low, high]: [DVec3; 2], point: DVec3| [low.min(point), high.max(point)];
             finite.fold([first; 2], grow).map(|corner| corner.to_array())
         });
+        let blocks = series.blocks()?.map_or(Vec::new(), |blocks| {
+            let info = |(block, cells): (&Block, usize)| BlockInfo {
+                number: block.number,
+                name: block.name.clone(),
+                cells: cells as u64,
+            };
+            blocks.blocks.iter().zip(blocks.counts()).map(info).collect()
+        });
         let times = &series.times().values;
         let [first, last] = [times.first(), times.last()].map(|time| time.copied().unwrap_or_default());
         Ok(Self {
@@ -76,6 +87,7 @@ impl SourceInfo {
                 cells: mesh.cells.len(),
                 tetrahedra: mesh.cells.tets.len(),
                 bounds,
+                blocks,
             },
             time: TimeInfo { steps: times.len(), first, last },
             fields: series.fields().to_vec(),
@@ -87,10 +99,13 @@ impl SourceInfo {
 impl fmt::Display for SourceInfo {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "source   {}", self.source)?;
-        let SourceMesh { points, cells, tetrahedra, bounds } = &self.mesh;
+        let SourceMesh { points, cells, tetrahedra, bounds, blocks } = &self.mesh;
         writeln!(f, "mesh     {cells} cells ({tetrahedra} tetrahedra), {points} points")?;
         if let Some([low, high]) = bounds {
             writeln!(f, "bounds   {low:?} to {high:?}")?;
+        }
+        for BlockInfo { number, name, cells } in blocks {
+            writeln!(f, "block    {number} {name}: {cells} cells")?;
         }
         let [first, last] = [self.time.first, self.time.last].map(Short);
         writeln!(f, "time     {} steps, {first} to {last}", self.time.steps)?;

@@ -182,7 +182,17 @@ fn check_parts(look: &SurfaceLook, mesh: &Mesh) -> anyhow::Result<()> {
 /// Checks that regions are of a field of cells, and that some value of it is among those chosen.
 fn check_regions(look: &SurfaceLook, series: &Series) -> anyhow::Result<()> {
     let Some(regions) = &look.regions else { return Ok(()) };
-    let of = series.beside(&regions.field.parse().map_err(anyhow::Error::msg)?)?;
+    let of = match series.beside(&regions.field.parse().map_err(anyhow::Error::msg)?) {
+        Ok(of) => of,
+        Err(error) if regions.field == Regions::BLOCK => {
+            let numbers = series.block_numbers().map_err(|_| error)?;
+            if !numbers.iter().any(|&number| regions.show(number)) {
+                bail!("--regions {regions}: no cell is of such a block");
+            }
+            return Ok(());
+        }
+        Err(error) => return Err(error.into()),
+    };
     if of.values_of() == Association::Point {
         bail!(
             "--regions {regions}: '{}' has values of vertices; regions are chosen by a field of cells",

@@ -1,9 +1,11 @@
 //! Fields over time: the time axis, field descriptions, and the source of an uncompressed series.
 
+mod blocks;
 mod scalars;
 
 use crate::error::FileResult;
 use crate::mesh::RawMesh;
+pub use blocks::{Block, Blocks};
 pub use scalars::Scalars;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -143,6 +145,21 @@ pub trait SeriesSource: Sync {
         self.read(field, Component::Index(component), step, &mut narrow)?;
         out.clear();
         out.extend(narrow.into_iter().map(f64::from));
+        Ok(())
+    }
+    /// The blocks of the mesh of [`Self::mesh`]; `None` if the source has none.
+    ///
+    /// # Errors
+    /// If the first step cannot be read.
+    fn blocks(&self) -> FileResult<Option<Blocks>> {
+        Ok(None)
+    }
+    /// Lets points move: the mesh is that of the first step at all steps, and a field of points, the last one of [`Self::fields`], has the
+    /// vectors from there to where they are. A source whose points cannot move has no such field.
+    ///
+    /// # Errors
+    /// If the first step cannot be read.
+    fn fix_points(&mut self) -> FileResult<()> {
         Ok(())
     }
     /// Counts of skipped items (cells of lower dimension, say), one readable line each.

@@ -1,7 +1,7 @@
 //! Several sources with the same mesh and times as one: many solvers write a file per field.
 
 use crate::error::{FileError, FileResult};
-use crate::field::{Component, FieldInfo, SeriesSource, TimeAxis};
+use crate::field::{Blocks, Component, FieldInfo, SeriesSource, TimeAxis};
 use crate::mesh::RawMesh;
 use std::path::Path;
 
@@ -90,6 +90,20 @@ impl SeriesSource for Joined {
 
     fn mesh(&self) -> FileResult<RawMesh> {
         self.sources[0].mesh()
+    }
+
+    fn blocks(&self) -> FileResult<Option<Blocks>> {
+        self.sources.first().map_or(Ok(None), |first| first.blocks())
+    }
+
+    fn fix_points(&mut self) -> FileResult<()> {
+        self.sources.iter_mut().try_for_each(|source| source.fix_points())?;
+        let of_first = self.sources.first().map_or(&[][..], |first| first.fields());
+        for field in of_first.iter().filter(|field| !self.fields.contains(field)).cloned().collect::<Vec<_>>() {
+            self.fields.push(field);
+            self.owners.push(0);
+        }
+        Ok(())
     }
 
     fn read(&self, field: &FieldInfo, component: Component, step: usize, out: &mut Vec<f32>) -> FileResult<()> {

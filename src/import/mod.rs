@@ -21,6 +21,7 @@
 mod cache;
 mod cell_list;
 mod cells;
+mod chosen;
 mod content;
 mod cursor;
 mod ensight;
@@ -32,6 +33,7 @@ mod joined;
 mod joints;
 mod lattice;
 mod legacy;
+mod made;
 mod names;
 mod npz;
 mod numbers;
@@ -49,6 +51,7 @@ mod vtu;
 mod xdmf;
 mod xml;
 
+pub use chosen::choose_blocks;
 pub use format::{FORMATS, Format};
 
 use crate::error::{FileError, FileResult};

@@ -8,6 +8,13 @@ use std::collections::HashMap;
 use std::hash::DefaultHasher;
 use std::path::Path;
 
+/// Name of a block, and its number if the file has one.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct BlockName {
+    pub(super) name: String,
+    pub(super) number: Option<u32>,
+}
+
 /// A part of a step's mesh, and the arrays of its points and cells.
 pub(super) trait Piece: Send + Sync {
     /// A decoded array.
@@ -23,6 +30,10 @@ pub(super) trait Piece: Send + Sync {
     fn hash_mesh(&self, state: &mut DefaultHasher) -> FileResult<()>;
     /// What its arrays hold, in the order in which [`Self::decode`] numbers them.
     fn arrays(&self) -> Vec<FieldInfo>;
+    /// The blocks of its cells, in order, and their numbers of cells of any kind; none if it is of no block.
+    fn blocks(&self) -> Vec<(BlockName, usize)> {
+        Vec::new()
+    }
     /// Arrays that are not read, as `'NAME' (REASON)`.
     fn left_out(&self) -> Vec<String> {
         Vec::new()

@@ -3,10 +3,11 @@
 use super::cache::StepCache;
 use super::cells::GridReader;
 use super::joints::{Joints, agree, coincident};
+use super::made::{Made, blocks_of};
 use super::pieces::{Piece, decode, fields_of};
 use super::tally::Tally;
 use crate::error::{FileError, FileResult};
-use crate::field::{Association, Component, FieldInfo, SeriesSource, TimeAxis};
+use crate::field::{Association, Blocks, Component, FieldInfo, SeriesSource, TimeAxis};
 use crate::mesh::{RawMesh, gather};
 use std::collections::HashSet;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -67,12 +68,16 @@ pub(super) struct Series<S: StepReader> {
     steps: Vec<S::Origin>,
     fields: Vec<FieldInfo>,
     shape: Shape,
+    /// Fields among these that no file has.
+    made: Vec<Made>,
     notes: Vec<String>,
     cache: StepCache<Step<S>>,
     /// Values that became infinite, points that were joined and have other values than the first of them, and values that are missing.
     overflows: Tally,
     differing: Tally,
     missing: Tally,
+    /// Steps at which points are elsewhere than at the first.
+    moved: Tally,
 }
 
 /// A step in memory, and the field decoded last, for reading its components one after the other.
@@ -141,6 +146,8 @@ impl<S: StepReader> Series<S> {
         if apart > 0 {
             notes.push(format!("kept {apart} points on borders between pieces apart: their values differ"));
         }
+        let (mut fields, mut made) = (fields, Vec::new());
+        made.extend(Made::blocks(first.reader.pieces(), &mut fields));
         let shape = Shape { joints, ..Shape::of(&first.reader, grid)? };
         let cache = StepCache::default();
         cache.get(0, || Ok(first), Step::bytes)?;
@@ -150,11 +157,13 @@ impl<S: StepReader> Series<S> {
             steps,
             fields,
             shape,
+            made,
             notes,
             cache,
             overflows: Tally::default(),
             differing: Tally::default(),
             missing: Tally::default(),
+            moved: Tally::default(),
         })
     }
 
@@ -193,9 +202,9 @@ impl<S: StepReader> Series<S> {
                 format!("the mesh changes between steps 0 and {step}: {what}"),
             )
             .remedy(match step {
-                1 => "import only steps with the same mesh; of a moving mesh, write the displacement as a field".to_owned(),
+                1 => "import only steps with the same mesh; with --fixed-points points may move".to_owned(),
                 _ => format!(
-                    "import only steps with the same mesh, as those before it (--steps 0..{}); of a moving mesh, write the displacement as a field",
+                    "import only steps with the same mesh, as those before it (--steps 0..{}); with --fixed-points points may move",
                     step - 1
                 ),
             })
@@ -212,9 +221,18 @@ impl<S: StepReader> Series<S> {
             return Err(changed("other cells".to_owned()));
         }
         if hash_points(&grid.mesh) != self.shape.points_hash {
-            return Err(changed("points move".to_owned()));
+            if !self.made.iter().any(Made::is_displacement) {
+                return Err(changed("points move".to_owned()));
+            }
+            self.moved.note("", step, 1);
         }
         Ok(())
+    }
+
+    /// Values of a field that no file has, of all pieces; `None` if a file has it.
+    fn made(&self, field: &FieldInfo, component: Component, loaded: &S) -> FileResult<Option<Vec<f64>>> {
+        let made = self.made.iter().find(|made| made.info == *field);
+        made.map(|made| made.values(component, loaded)).transpose()
     }
 }
 
@@ -243,11 +261,33 @@ impl<S: StepReader> SeriesSource for Series<S> {
         })
     }
 
+    fn blocks(&self) -> FileResult<Option<Blocks>> {
+        let loaded = self.step(0)?;
+        let Some(mut blocks) = blocks_of(loaded.reader.pieces()) else { return Ok(None) };
+        if let Some(kept) = &self.shape.kept {
+            gather(&mut blocks.of_cell, kept);
+        }
+        Ok(Some(blocks))
+    }
+
+    fn fix_points(&mut self) -> FileResult<()> {
+        if !self.made.iter().any(Made::is_displacement) {
+            let points = self.step(0)?.reader.read_grid()?.mesh.points;
+            self.made.push(Made::displacement(points, &mut self.fields));
+        }
+        Ok(())
+    }
+
     fn read(&self, field: &FieldInfo, component: Component, step: usize, out: &mut Vec<f32>) -> FileResult<()> {
         out.clear();
         let loaded = self.step(step)?;
         let index = if let Component::Index(index) = component { index } else { 0 };
         self.check_field(field, index, loaded.reader.path())?;
+        if let Some(values) = self.made(field, component, &loaded.reader)? {
+            out.extend(values.into_iter().map(|value| value as f32));
+            self.shape.select(field.association, out, |_, _| true);
+            return Ok(());
+        }
         let decoded = loaded.field(field, step)?;
         let (mut overflows, mut missing) = (0, 0);
         for (piece, array) in loaded.reader.pieces().iter().zip(decoded.iter()) {
@@ -271,6 +311,11 @@ impl<S: StepReader> SeriesSource for Series<S> {
         out.clear();
         let loaded = self.step(step)?;
         self.check_field(field, component, loaded.reader.path())?;
+        if let Some(values) = self.made(field, Component::Index(component), &loaded.reader)? {
+            *out = values;
+            self.shape.select(field.association, out, |_, _| true);
+            return Ok(());
+        }
         let decoded = loaded.field(field, step)?;
         for (piece, array) in loaded.reader.pieces().iter().zip(decoded.iter()) {
             match array {
@@ -286,7 +331,8 @@ impl<S: StepReader> SeriesSource for Series<S> {
         let loaded = self.step(step)?;
         for piece in loaded.reader.pieces() {
             let arrays: HashSet<FieldInfo> = piece.arrays().into_iter().collect();
-            let missing = self.fields.iter().filter(|field| !arrays.contains(field));
+            let of_files = self.fields.iter().filter(|field| self.made.iter().all(|made| made.info != **field));
+            let missing = of_files.filter(|field| !arrays.contains(field));
             missing.for_each(|field| self.missing.note(&field.name, step, 1));
         }
         Ok(())
@@ -301,7 +347,10 @@ impl<S: StepReader> SeriesSource for Series<S> {
             format!("field '{name}': {count} {problem}, in {steps}")
         });
         let missing = self.missing.lines(|name, _, steps| format!("field '{name}' is missing in {steps}: holes"));
-        [self.notes.clone(), overflows, differing, missing].concat()
+        let moved = self.moved.lines(|_, _, steps| {
+            format!("points move in {steps}: shown where they are in the first; a field has their displacement")
+        });
+        [self.notes.clone(), overflows, differing, missing, moved].concat()
     }
 }
 

@@ -63,6 +63,9 @@ pub fn ingest(
         Mesh::build(raw).map_err(|error| IngestError::Mesh { source_name: source.describe(), error })?;
     let repair = repair.with_cell_numbers(|cell| source.cell_number(cell));
     writer.write_mesh(&mesh, &repair)?;
+    if let Some(blocks) = source.blocks().map_err(IngestError::Source)? {
+        writer.write_blocks(&blocks, &mesh.cell_source)?;
+    }
     let cells = mesh.topology.tets.len();
     let (order, positions) = ValueOrder::new(mesh, &fields);
     writer.write_source_points(&positions, order.vertex_source(), &points)?;

@@ -229,6 +229,19 @@ impl Cells {
         self.len() == 0
     }
 
+    /// The cells of these numbers, which ascend.
+    pub fn gathered(&self, numbers: &[u32]) -> Self {
+        let (tets, solids) = numbers.split_at(numbers.partition_point(|&number| (number as usize) < self.tets.len()));
+        let mut gathered = Self::from(tets.iter().map(|&tet| self.tets[tet as usize]).collect::<Vec<_>>());
+        let mut wanted = solids.iter().map(|&number| number as usize - self.tets.len()).peekable();
+        for (at, solid) in self.solids.iter().enumerate() {
+            if wanted.next_if_eq(&at).is_some() {
+                gathered.solids.push_renumbered(solid, |vertex| vertex);
+            }
+        }
+        gathered
+    }
+
     /// Vertex indices of each cell.
     pub fn iter(&self) -> impl Iterator<Item = &[u32]> {
         self.tets.iter().map(<[u32; 4]>::as_slice).chain(self.solids.iter().map(Solid::vertices))

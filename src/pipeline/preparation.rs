@@ -131,7 +131,14 @@ impl Decode {
         let Some(Regions { field, .. }) = &layer.regions else { return Ok(None) };
         let bad = |error: String| RequestError::NoRegions(format!("'{field}' {error}"));
         let Ok(selector) = field.parse::<FieldSelector>();
-        let of = series.beside(&selector)?;
+        let of = match series.beside(&selector) {
+            Ok(of) => of,
+            // The mesh has numbers of blocks, whatever fields were imported.
+            Err(error) if field == Regions::BLOCK => {
+                return series.block_numbers().map(Some).map_err(|_| error.into());
+            }
+            Err(error) => return Err(error.into()),
+        };
         if of.values_of() == Association::Point {
             let problem = "has values of vertices; regions are chosen by a field of cells";
             return Err(bad(problem.to_owned()).into());

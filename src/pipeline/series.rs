@@ -96,6 +96,8 @@ pub(super) struct Beside {
     /// Path of the store; `None` for a series from elsewhere.
     store: Option<PathBuf>,
     opened: Mutex<Vec<(FieldSelector, Arc<Series>)>>,
+    /// Numbers of blocks, once they were asked for.
+    blocks: Mutex<Option<Arc<Vec<f32>>>>,
 }
 
 impl Beside {
@@ -120,6 +122,23 @@ impl Series {
         let series = Arc::new(self.reopened(&store, Some(field))?);
         opened.push((field.clone(), series.clone()));
         Ok(series)
+    }
+
+    /// The number of the block of the source that each cell is from, as values by which regions are chosen.
+    ///
+    /// # Errors
+    /// If the store cannot be opened or is damaged, or its mesh has no blocks.
+    pub fn block_numbers(&self) -> FileResult<Arc<Vec<f32>>> {
+        let mut known = self.beside.blocks.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(numbers) = known.as_ref() {
+            return Ok(numbers.clone());
+        }
+        let none = || FileError::invalid("", "", "the mesh has no blocks");
+        let store = Store::open(self.beside.store.as_ref().ok_or_else(none)?)?;
+        let blocks = store.blocks()?.ok_or_else(none)?;
+        // Numbers of blocks are far below 2^24, above which f32 skips some.
+        let numbers = Arc::new(blocks.of_cell.into_iter().map(|number| number as f32).collect());
+        Ok(known.insert(numbers).clone())
     }
 
     /// Default budget in bytes for blocks of steps.

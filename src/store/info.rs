@@ -1,6 +1,7 @@
 //! What a store holds, as `info` prints it.
 
 use super::Store;
+use super::blocks::{self, BlockInfo};
 use super::field::StoredField;
 use super::writer::bytes_on_disk;
 use crate::error::FileResult;
@@ -33,6 +34,9 @@ pub struct MeshInfo {
     pub cells: u64,
     /// Corners of the bounding box in world coordinates; `None` if the store lacks them.
     pub bounds: Option<[[f64; 3]; 2]>,
+    /// The blocks of the source; none if it has no two.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub blocks: Vec<BlockInfo>,
     /// What was found and repaired at import.
     pub repair: serde_json::Value,
 }
@@ -70,6 +74,7 @@ impl StoreInfo {
                 vertices: mesh.vertices,
                 cells: mesh.cells,
                 bounds: mesh.attributes.bounds,
+                blocks: blocks::list(&store.root)?,
                 repair: mesh.attributes.repair.clone(),
             },
             time: TimeInfo {
@@ -99,6 +104,9 @@ impl fmt::Display for StoreInfo {
         writeln!(f, "mesh     {} cells, {} vertices", self.mesh.cells, self.mesh.vertices)?;
         if let Some([lo, hi]) = self.mesh.bounds {
             writeln!(f, "bounds   {lo:?} to {hi:?}")?;
+        }
+        for BlockInfo { number, name, cells } in &self.mesh.blocks {
+            writeln!(f, "block    {number} {name}: {cells} cells")?;
         }
         let [first, last] = [self.time.first, self.time.last].map(Short);
         writeln!(f, "time     {} steps, {first} to {last}", self.time.steps)?;

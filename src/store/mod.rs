@@ -19,6 +19,7 @@
 
 mod append;
 mod array;
+mod blocks;
 mod field;
 mod folder;
 mod histograms;
@@ -36,6 +37,7 @@ mod staging;
 mod writer;
 
 pub use append::ResumedField;
+pub use blocks::BlockInfo;
 pub use field::{FieldReader, StoredField};
 pub(crate) use info::range_text;
 pub use info::{MeshInfo, StoreInfo, TimeInfo, VersionInfo};
@@ -48,7 +50,7 @@ pub use writer::{FieldDescription, FieldWriter, StoreWriter, WrittenField};
 
 use crate::codec::{BlockCache, Chunking, ElementType, ReadRange};
 use crate::error::{FileError, FileResult};
-use crate::field::{Association, Component, FieldSelector, TimeAxis};
+use crate::field::{Association, Blocks, Component, FieldSelector, TimeAxis};
 use crate::mesh::Mesh;
 use array::StoredArray;
 use field::Series;
@@ -113,6 +115,16 @@ impl Store {
         let mesh = self.series.mesh.read(&self.root, &*self.source)?;
         self.source.check()?;
         Ok(mesh)
+    }
+
+    /// The block of the source that each cell of the mesh is from; `None` if the source has no blocks.
+    ///
+    /// # Errors
+    /// If the array is damaged, or another series has taken the store's place.
+    pub fn blocks(&self) -> FileResult<Option<Blocks>> {
+        let blocks = blocks::read(&self.root, &*self.source, self.series.mesh.cells)?;
+        self.source.check()?;
+        Ok(blocks)
     }
 
     /// The source's coordinates of each vertex, where those of the mesh do not give them back bit for bit; `None` where they do, or if an

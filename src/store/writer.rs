@@ -2,6 +2,7 @@
 
 use super::MAGNITUDE_CODEC;
 use super::array::write_metadata;
+use super::blocks;
 use super::folder::{FolderSink, walk};
 use super::importance;
 use super::layout::{
@@ -15,7 +16,7 @@ use super::source_points::SourcePoints;
 use super::staging::Staging;
 use crate::codec::{ChunkSink, Encoded, Encoder, Quality, chunk_key, to_bytes};
 use crate::error::{FileError, FileResult};
-use crate::field::{Association, TimeAxis};
+use crate::field::{Association, Blocks, TimeAxis};
 use crate::mesh::{Mesh, Positions, RepairReport};
 use crate::moments::{Moments, VertexStatistics};
 use serde_json::Map;
@@ -70,6 +71,14 @@ impl StoreWriter {
     /// If a file cannot be written.
     pub fn write_mesh(&mut self, mesh: &Mesh, report: &RepairReport) -> FileResult<()> {
         mesh::write(self.staging.path(), mesh, report).map(drop)
+    }
+
+    /// Writes the blocks of the source that the cells of a mesh are from; `cell_source` has the source's cell of each.
+    ///
+    /// # Errors
+    /// If a file cannot be written, or a cell is of no block.
+    pub fn write_blocks(&mut self, of_source: &Blocks, cell_source: &[u32]) -> FileResult<()> {
+        blocks::write(self.staging.path(), of_source, cell_source)
     }
 
     /// Writes the points that a mesh was built from, if its vertices at `positions` do not give them back bit for bit; `vertex_source` has the

@@ -1,5 +1,6 @@
 //! Tests of `import` across modules: files written by VTK, series on disk, and damaged files.
 
+pub mod blocks;
 mod damage;
 mod ensight;
 mod exodus;

@@ -27,6 +27,9 @@ pub(super) struct Geometry {
 
 /// A part: its points and elements.
 pub(super) struct Part {
+    /// What the file calls it, and its number.
+    pub(super) name: String,
+    pub(super) number: u32,
     pub(super) points: usize,
     pub(super) cells: usize,
     /// All x, then all y, then all z.
@@ -195,8 +198,10 @@ fn parts(reader: &mut Reader) -> FileResult<Vec<(u64, Part)>> {
                     reader.tell_byte_order();
                 }
                 let number = reader.count("part")? as u64;
-                reader.line("description of a part")?;
-                parts.push((number, Part { points: 0, cells: 0, coordinates: 0..0, blocks: Vec::new() }));
+                let name = reader.line("description of a part")?.trim().to_owned();
+                let part =
+                    Part { name, number: number as u32, points: 0, cells: 0, coordinates: 0..0, blocks: Vec::new() };
+                parts.push((number, part));
             }
             (["coordinates"], Some((number, part))) => {
                 if part.points > 0 {

@@ -7,7 +7,7 @@ use crate::error::{FileError, FileResult};
 use crate::field::FieldInfo;
 use crate::import::cells::GridReader;
 use crate::import::numbers::{Numbers, Values};
-use crate::import::pieces::Piece;
+use crate::import::pieces::{BlockName, Piece};
 use crate::import::series::StepReader;
 use std::hash::{DefaultHasher, Hash};
 use std::path::Path;
@@ -125,6 +125,11 @@ impl Piece for PartOfStep {
 
     fn arrays(&self) -> Vec<FieldInfo> {
         self.shared.case.plan.variables.iter().map(|(field, _)| field.clone()).collect()
+    }
+
+    fn blocks(&self) -> Vec<(BlockName, usize)> {
+        let Part { name, number, cells, .. } = self.part();
+        vec![(BlockName { name: name.clone(), number: Some(*number) }, *cells)]
     }
 
     fn left_out(&self) -> Vec<String> {

@@ -140,7 +140,7 @@ fn text_and_binary_of_both_byte_orders_have_the_same_series() {
         assert_eq!(mesh.points[4].to_array(), [0.25, 0.25, -0.5]);
         assert_eq!(mesh.cells.tets, [[0, 1, 2, 3], [0, 2, 1, 4]]);
         let names: Vec<_> = source.fields().iter().map(|field| field.name.as_str()).collect();
-        assert_eq!(names, ["T", "S", "p"]);
+        assert_eq!(names, ["T", "S", "p", "block"]);
         for (step, t) in [(0, 0.0), (1, 10.0)] {
             let mut expected = [0.0, 1.0, 2.0, 3.0, 4.0].map(|v| v + t).to_vec();
             expected[3] = -1.0;

@@ -43,6 +43,12 @@ pub(super) struct Block {
 }
 
 impl Block {
+    /// Its number for users, if it is one.
+    pub(super) fn user_number(&self) -> Option<u32> {
+        let number = self.id as u32;
+        (f64::from(number) == self.id).then_some(number)
+    }
+
     /// All blocks of a file that have elements. The file is large enough for what they claim.
     ///
     /// # Errors

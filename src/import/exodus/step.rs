@@ -2,7 +2,7 @@
 
 use super::super::cells::GridReader;
 use super::super::numbers::{Numbers, Values};
-use super::super::pieces::Piece;
+use super::super::pieces::{BlockName, Piece};
 use super::super::series::StepReader;
 use super::super::tuples::Tuples;
 use super::blocks::Block;
@@ -89,6 +89,11 @@ impl Piece for Whole {
 
     fn arrays(&self) -> Vec<FieldInfo> {
         self.database.arrays.iter().map(|array| array.field.clone()).collect()
+    }
+
+    fn blocks(&self) -> Vec<(BlockName, usize)> {
+        let of = |block: &Block| (BlockName { name: block.name.clone(), number: block.user_number() }, block.cells);
+        self.database.blocks.iter().map(of).collect()
     }
 
     fn left_out(&self) -> Vec<String> {

@@ -5,11 +5,11 @@ use super::super::cells::GridReader;
 use super::super::faces::{CELLS_OF_A_FACE, FacesOfCells, of_too_many};
 use super::super::hdf::Hdf;
 use super::super::numbers::{Numbers, Values};
-use super::super::pieces::Piece;
+use super::super::pieces::{BlockName, Piece};
 use super::super::series::StepReader;
 use super::block::{Block, Mesh, indices, invalid};
 use super::lists::{Place, Rows};
-use super::open_file;
+use super::{ROOT, open_file};
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, FieldInfo};
 use crate::mesh::POLYHEDRON_VTK_TYPE;
@@ -125,6 +125,11 @@ impl Piece for Part {
 
     fn arrays(&self) -> Vec<FieldInfo> {
         self.block.arrays.iter().map(|array| array.field.clone()).collect()
+    }
+
+    fn blocks(&self) -> Vec<(BlockName, usize)> {
+        let name = self.block.group.strip_prefix(ROOT).and_then(|name| name.strip_prefix('/'));
+        name.map(|name| (BlockName { name: name.to_owned(), number: None }, self.cells)).into_iter().collect()
     }
 
     fn left_out(&self) -> Vec<String> {

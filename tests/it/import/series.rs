@@ -190,6 +190,50 @@ fn a_step_with_another_mesh_is_refused() {
 }
 
 #[test]
+fn points_that_move_are_shown_where_they_were_with_their_displacement_if_that_is_asked_for() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut moved = Grid::default();
+    moved.points[4][2] += 0.5;
+    moved.points[1][0] -= 0.25;
+    let grids = [Grid::default(), moved.clone(), Grid::default(), moved];
+    let mut source = import::open(&write_series(folder.path(), &grids)).expect("opens");
+    let field = source.fields()[0].clone();
+    let error = source.read(&field, Component::Index(0), 1, &mut Vec::new()).expect_err("points move").to_string();
+    assert!(error.contains("--fixed-points"), "{error}");
+    source.fix_points().expect("reads the first step");
+    source.fix_points().expect("is done once");
+    let names: Vec<_> = source.fields().iter().map(|field| (field.name.as_str(), field.components)).collect();
+    assert_eq!(names.last(), Some(&("displacement", 3)));
+    assert_eq!(names.iter().filter(|(name, _)| *name == "displacement").count(), 1);
+    let displacement = source.fields().last().expect("a field").clone();
+    for step in 0..4 {
+        let far = f32::from(u8::from(step % 2 == 1));
+        let read = |component| {
+            let mut values = Vec::new();
+            source.read(&displacement, component, step, &mut values).expect("reads");
+            values
+        };
+        assert_eq!(read(Component::Index(0)), [0.0, -0.25 * far, 0.0, 0.0, 0.0]);
+        assert_eq!(read(Component::Index(2)), [0.0, 0.0, 0.0, 0.0, 0.5 * far]);
+        assert_eq!(read(Component::Magnitude), [0.0, 0.25 * far, 0.0, 0.0, 0.5 * far]);
+        source.read(&field, Component::Index(0), step, &mut Vec::new()).expect("values of all steps");
+        source.check(step).expect("all steps fit");
+    }
+    let notes = source.notes();
+    assert_eq!(notes.iter().filter(|note| note.contains("points move in 2 steps (1, 3)")).count(), 1, "{notes:?}");
+    assert!(!notes.iter().any(|note| note.contains("missing")), "{notes:?}");
+    let mesh = source.mesh().expect("the mesh of the first step");
+    assert_eq!(mesh.points.iter().map(|point| point.to_array()).collect::<Vec<_>>(), Grid::default().points);
+    // Other cells stay an error.
+    let mut other = Grid::default();
+    other.cells[1].1 = vec![0, 2, 3, 4];
+    let place = tempfile::tempdir().expect("a folder");
+    let mut source = import::open(&write_series(place.path(), &[Grid::default(), other])).expect("opens");
+    source.fix_points().expect("reads the first step");
+    assert!(source.check(1).expect_err("other cells").to_string().contains("other cells"));
+}
+
+#[test]
 fn a_field_that_is_missing_in_a_step_is_a_hole_there() {
     let folder = tempfile::tempdir().expect("a folder");
     let without = Grid { point_arrays: vec![("U", 1, vec![0.0; 5])], ..Grid::default() };
