@@ -1,5 +1,5 @@
-//! Points that pieces of a mesh share: each piece lists those on its borders, and they are one point where coordinates are equal to the
-//! bit and all values agree in the first step.
+//! Points that pieces of a mesh share: each piece lists those on its borders, and they are one point where they have the same number, or,
+//! if there are no numbers, where coordinates are equal to the bit and all values agree in the first step.
 
 use crate::mesh::{Cells, RawMesh, gather};
 use glam::DVec3;
@@ -30,6 +30,33 @@ pub(super) fn coincident(points: &[DVec3], counts: impl IntoIterator<Item = usiz
         }
     }
     pairs
+}
+
+/// Points of one number, each with the first one: those of a mesh whose pieces have these numbers of their points. `None` if the numbers
+/// are no names of points: if two of one piece, or two at different places, have the same.
+pub(super) fn of_one_number(points: &[DVec3], numbers: &[Vec<u64>]) -> Option<Vec<[u32; 2]>> {
+    let mut first: HashMap<u64, (u32, usize)> = HashMap::with_capacity(points.len());
+    let mut pairs = Vec::new();
+    let mut index = 0;
+    for (piece, numbers) in numbers.iter().enumerate() {
+        for number in numbers {
+            match first.get_mut(number) {
+                None => {
+                    first.insert(*number, (index, piece));
+                }
+                Some((_, last)) if *last == piece => return None,
+                Some((earlier, last)) => {
+                    if points.get(index as usize)? != points.get(*earlier as usize)? {
+                        return None;
+                    }
+                    pairs.push([index, *earlier]);
+                    *last = piece;
+                }
+            }
+            index += 1;
+        }
+    }
+    (index as usize == points.len()).then_some(pairs)
 }
 
 /// Whether two values are the same: equal, or both NaN.
@@ -97,5 +124,18 @@ mod tests {
         assert_eq!(joints.gather(&mut values, agree), 1);
         assert!(values[..3] == [0.0, 1.0, 2.0] && values[3].is_nan() && values.len() == 4);
         assert!(Joints::of(Vec::new(), 5).is_none());
+    }
+
+    #[test]
+    fn points_of_one_number_are_one_unless_numbers_contradict_places() {
+        let p = |x: f64| DVec3::new(x, 0.0, 0.0);
+        // The points 2 and 3 of the first piece are at one place, and stay two.
+        let points = [p(0.0), p(1.0), p(1.0), p(1.0), p(1.0), p(2.0), p(1.0), p(0.0)];
+        let numbers = |last: u64| [vec![1, 2, 3], vec![3, 2, 9], vec![2, last]];
+        assert_eq!(of_one_number(&points, &numbers(1)), Some(vec![[3, 2], [4, 1], [6, 1], [7, 0]]));
+        assert_eq!(of_one_number(&points, &numbers(2)), None, "twice in one piece");
+        assert_eq!(of_one_number(&points, &numbers(9)), None, "at two places");
+        assert_eq!(of_one_number(&points, &numbers(1)[..2]), None, "too few");
+        assert_eq!(of_one_number(&points, &[vec![1; 9]]), None);
     }
 }

@@ -28,6 +28,11 @@ pub(super) trait Piece: Send + Sync {
     fn add_to(&self, grid: &mut GridReader) -> FileResult<()>;
     /// Hashes its mesh as stored: equal bytes are equal meshes, other bytes may be.
     fn hash_mesh(&self, state: &mut DefaultHasher) -> FileResult<()>;
+    /// A number of each point that the points of other pieces which are the same point have too; `None` if the format has no such
+    /// numbers.
+    fn point_numbers(&self) -> FileResult<Option<Vec<u64>>> {
+        Ok(None)
+    }
     /// What its arrays hold, in the order in which [`Self::decode`] numbers them.
     fn arrays(&self) -> Vec<FieldInfo>;
     /// The blocks of its cells, in order, and their numbers of cells of any kind; none if it is of no block.

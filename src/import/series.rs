@@ -2,7 +2,7 @@
 
 use super::cache::StepCache;
 use super::cells::GridReader;
-use super::joints::{Joints, agree, coincident};
+use super::joints::{Joints, agree, coincident, of_one_number};
 use super::made::{Made, blocks_of};
 use super::pieces::{Piece, decode, fields_of};
 use super::tally::Tally;
@@ -392,7 +392,8 @@ impl<S: StepReader> Step<S> {
     }
 }
 
-/// Points that pieces share, as far as all values of points agree in this step, and the number of others with equal coordinates.
+/// Points that pieces share: those of one number, else those at one place, as far as all values of points agree in this step; and the number
+/// of others at one place.
 fn joints_of<S: StepReader>(
     step: &Step<S>,
     mesh: &RawMesh,
@@ -401,6 +402,10 @@ fn joints_of<S: StepReader>(
     let pieces = step.reader.pieces();
     if pieces.len() < 2 {
         return Ok((None, 0));
+    }
+    let numbers = pieces.iter().map(Piece::point_numbers).collect::<FileResult<Option<Vec<_>>>>()?;
+    if let Some(pairs) = numbers.and_then(|numbers| of_one_number(&mesh.points, &numbers)) {
+        return Ok((Joints::of(pairs, mesh.points.len()), 0));
     }
     let mut pairs = coincident(&mesh.points, pieces.iter().map(|piece| piece.counts().0));
     let all = pairs.len();
