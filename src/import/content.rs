@@ -1,7 +1,7 @@
 //! What a file is, by how it begins: names of files lie, or say too little.
 
-use super::FORMATS;
 use super::format::Format;
+use super::{FORMATS, exodus};
 use crate::files;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -75,14 +75,12 @@ pub(super) fn format_of(path: &Path) -> Option<&'static Format> {
 /// format. The error says what there is.
 pub(super) fn series_in(folder: &Path) -> Result<Vec<PathBuf>, String> {
     let entries = std::fs::read_dir(folder).map_err(|error| format!("cannot be listed: {error}"))?;
-    let mut found: Vec<(&'static Format, PathBuf)> = Vec::new();
-    for path in entries.flatten().map(|entry| entry.path()).filter(|path| path.is_file()) {
-        // Names decide here: a folder may have thousands of other files.
-        if let Some(format) = Format::of(&path) {
-            found.push((format, path));
-        }
-    }
-    found.sort_by(|a, b| a.1.cmp(&b.1));
+    // Names decide here: a folder may have thousands of other files.
+    let is_known = |path: &PathBuf| path.is_file() && Format::of(path).is_some();
+    let mut known: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(is_known).collect();
+    known.sort();
+    let named = |path: PathBuf| Some((Format::of(&path)?, path));
+    let found: Vec<(&'static Format, PathBuf)> = exodus::one_of_parts(known).into_iter().filter_map(named).collect();
     let (steps, whole): (Vec<_>, Vec<_>) = found.into_iter().partition(|(format, _)| format.joins);
     match (whole.as_slice(), steps.as_slice()) {
         ([(_, one)], _) => Ok(vec![one.clone()]),
@@ -160,6 +158,11 @@ mod tests {
         assert_eq!(found(), Ok(vec!["a.pvd".to_owned()]), "a list leads");
         add("c.e");
         assert!(found().unwrap_err().contains("a.pvd, c.e"));
+        ["a.pvd", "c.e"].iter().for_each(|name| fs::remove_file(folder.path().join(name)).expect("removed"));
+        ["c.e.2.0", "c.e.2.1"].iter().for_each(|name| add(name));
+        assert_eq!(found(), Ok(vec!["c.e.2.0".to_owned()]), "of parts, one");
+        add("c.e.3.0");
+        assert!(found().unwrap_err().contains("c.e.2.0, c.e.3.0"));
         assert!(series_in(&folder.path().join("none")).is_err());
     }
 }

@@ -57,10 +57,14 @@ impl Format {
         COMMON.map(|extension| format!(".{extension}")).join(", ")
     }
 
-    /// The format of a file, by the extension of its name.
+    /// The format of a file, by the extension of its name; a part of an Exodus file has numbers behind it.
     pub fn of(path: &Path) -> Option<&'static Self> {
         let extension = extension(path);
-        FORMATS.iter().find(|format| format.extensions.contains(&extension.as_str()))
+        let is_part = exodus::is_part(path);
+        FORMATS.iter().find(|format| match is_part {
+            true => format.extensions == exodus::FORMAT.extensions,
+            false => format.extensions.contains(&extension.as_str()),
+        })
     }
 
     /// The usual extensions of all formats, as in ".pvd, .vtu, .xdmf".

@@ -11,7 +11,7 @@
 //! | `.pvd` | ParaView's list of these files, each with its time | `pvd` |
 //! | `.vtkhdf`, `.hdf` | VTKHDF: a grid of VTK in HDF5, with all its steps | `vtkhdf` |
 //! | `.xdmf`, `.xmf` | XDMF: an XML file with the arrays of a series in HDF5 or binary files beside it | `xdmf` |
-//! | `.e`, `.exo`, `.g`, ... | Exodus II in any format of netCDF: a mesh in blocks, and all steps | `exodus` |
+//! | `.e`, `.exo`, `.g`, ... | Exodus II in any format of netCDF: a mesh in blocks, and all steps; in parts too (`.e.4.0`, ...) | `exodus` |
 //! | `.case`, `.encas` | EnSight Gold: a file that names those of the mesh and of each variable at each step | `ensight` |
 //! | `.mhd`, `.mha`, `.nhdr`, `.nrrd` | raw volumes with a header of MetaImage or NRRD: one step, or several in NRRD | `raw` |
 //! | `.npz` | arrays of NumPy by their names: a mesh and fields at all steps | `npz` |
@@ -101,8 +101,8 @@ pub fn open_many(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
     let Some(first) = paths.first() else {
         return Err(FileError::invalid("", "", "no file was named").remedy(format!("name one: {}", Format::list())));
     };
-    if let Some(part) = paths.iter().find(|path| exodus::refused_part(path).is_some()) {
-        return Err(unsupported(part));
+    if let Some(refused) = paths.iter().find(|path| exodus::refused_by_name(path).is_some()) {
+        return Err(unsupported(refused));
     }
     let format = format_of(first).ok_or_else(|| unsupported(first))?;
     for path in &paths[1..] {
@@ -121,15 +121,16 @@ pub fn open_many(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
     (format.open)(&paths)
 }
 
-/// The paths, a folder that is named alone replaced by the files of the series in it.
+/// The paths, a folder that is named alone replaced by the files of the series in it, and the parts of a file by one of them.
 fn expanded(paths: &[PathBuf]) -> FileResult<Vec<PathBuf>> {
-    match paths {
+    let paths = match paths {
         [folder] if folder.is_dir() => content::series_in(folder).map_err(|problem| {
             let remedy = format!("name the files of one series: {}", Format::list());
             FileError::unsupported(folder, "", problem).remedy(remedy)
         }),
         _ => Ok(paths.to_vec()),
-    }
+    }?;
+    Ok(exodus::one_of_parts(paths))
 }
 
 /// Message: which files can be joined.
@@ -140,7 +141,7 @@ fn only_of_one_kind() -> String {
 }
 
 fn unsupported(path: &Path) -> FileError {
-    if let Some((problem, remedy)) = exodus::refused_part(path) {
+    if let Some((problem, remedy)) = exodus::refused_by_name(path) {
         return FileError::unsupported(path, "", problem).remedy(remedy);
     }
     let problem = match extension(path).as_str() {

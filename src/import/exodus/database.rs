@@ -5,14 +5,13 @@ use super::netcdf::NetCdf;
 use super::vectors::{Components, joined};
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, FieldInfo};
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 use std::path::Path;
-
-/// Most blocks that a note lists.
-const LISTED_MAX: usize = 16;
 
 /// The values of an array.
 pub(super) enum Source {
+    /// None: another part of the mesh has values.
+    Nothing,
     /// The number of the block of each element.
     Blocks,
     /// The variable `vals_nod_varN` of each component, by N.
@@ -46,13 +45,15 @@ pub(super) struct Database {
 }
 
 impl Database {
-    /// Opens a file.
+    /// Opens a file, one of `files` that are open at a time. If there are several, it may be without nodes and elements.
     ///
     /// # Errors
     /// If it is no Exodus file, is damaged, or has elements that are not read.
-    pub(super) fn open(path: &Path) -> FileResult<Self> {
-        let netcdf = NetCdf::open(path)?;
-        if netcdf.dimension("num_nodes").is_none() || netcdf.dimension("num_el_blk").is_none() {
+    pub(super) fn open(path: &Path, files: usize) -> FileResult<Self> {
+        let netcdf = NetCdf::open(path, files)?;
+        let has = |dimension: &str| netcdf.dimension(dimension).is_some();
+        // Dimensions of size 0 are not written.
+        if !(has("num_nodes") && has("num_el_blk") || files > 1 && has("num_dim")) {
             return Err(FileError::invalid(
                 path,
                 "",
@@ -149,33 +150,19 @@ impl Database {
         Ok(())
     }
 
-    /// Notes on blocks, and on those without some of the values.
-    pub(super) fn notes(&self) -> Vec<String> {
-        let listed = self.blocks.iter().take(LISTED_MAX).map(|block| {
-            let name = if block.name.is_empty() { String::new() } else { format!(" {}", block.name) };
-            format!("{}{name} ({} {})", block.id, block.cells, block.element_type)
-        });
-        let more = self.blocks.len().saturating_sub(LISTED_MAX);
-        let more = if more > 0 { format!(", and {more} more") } else { String::new() };
-        let mut notes =
-            vec![format!("field 'block' is the number of a block: {}{more}", listed.collect::<Vec<_>>().join(", "))];
-        let mut lacking: HashMap<&[usize], usize> = HashMap::new();
-        for array in &self.arrays {
-            let Source::Elements(variables) = &array.source else { continue };
-            let lacks = |block: &&Block| !variables.iter().all(|&variable| self.has(variable, block));
-            let count = *lacking.entry(variables).or_insert_with(|| self.blocks.iter().filter(lacks).count());
-            if count > 0 {
-                let (name, all) = (&array.field.name, self.blocks.len());
-                notes.push(format!("field '{name}' has no values (NaN) in {count} of {all} blocks"));
-            }
-        }
-        notes
+    /// The blocks without values of an array.
+    pub(super) fn without<'a>(&'a self, array: &'a Array) -> impl Iterator<Item = &'a Block> {
+        self.blocks.iter().filter(move |block| match &array.source {
+            Source::Elements(variables) => !variables.iter().all(|&variable| self.has(variable, block)),
+            Source::Nothing => true,
+            Source::Blocks | Source::Nodes(_) | Source::NodesTogether(_) => false,
+        })
     }
 }
 
 fn numbers_of(source: &Source) -> usize {
     match source {
-        Source::Blocks => 1,
+        Source::Nothing | Source::Blocks => 1,
         Source::Nodes(numbers) | Source::NodesTogether(numbers) | Source::Elements(numbers) => numbers.len(),
     }
 }

@@ -4,7 +4,7 @@ use super::super::hdf::{decoded_max, innermost};
 use crate::error::{FileError, FileResult};
 use crate::files;
 use hdf5_reader::storage::DynStorage;
-use hdf5_reader::{FileStorage, Hdf5File};
+use hdf5_reader::{FileStorage, Hdf5File, Storage, StorageBuffer};
 use netcdf_reader::{Error, NcFile, NcFormat, NcOpenOptions, NcSliceInfo, NcSliceInfoElem, NcType, NcVariable, Result};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -14,6 +14,8 @@ use std::sync::Arc;
 const NAME_MAX: u64 = 256;
 /// Most dimensions, far beyond what files have: two for each element block, one for each set.
 const DIMENSIONS_MAX: u64 = 1 << 20;
+/// Most files that are kept open at a time: systems allow 256 to 1024.
+const OPEN_MAX: usize = 128;
 /// The tag before the list of dimensions in classic files.
 const DIMENSIONS_TAG: u64 = 0xA;
 
@@ -30,21 +32,26 @@ pub(super) struct NetCdf {
 }
 
 impl NetCdf {
-    /// Opens a file and reads its list of variables.
+    /// Opens a file, one of `files` that are open at a time, and reads its list of variables.
     ///
     /// # Errors
     /// If it is no netCDF file, is damaged, or has groups.
-    pub(super) fn open(path: &Path) -> FileResult<Self> {
+    pub(super) fn open(path: &Path, files: usize) -> FileResult<Self> {
         files::check_kind(path)?;
         let failed = |error: Error| failure(path, "", &error);
-        let storage: DynStorage = Arc::new(FileStorage::open(path).map_err(|e| failed(e.into()))?);
+        let storage = FileStorage::open(path).map_err(|e| failed(e.into()))?;
+        let storage: DynStorage = match files {
+            0..=OPEN_MAX => Arc::new(storage),
+            _ => Arc::new(Reopened { path: path.to_owned(), bytes: storage.len() }),
+        };
         let file_bytes = storage.len();
         check_dimensions(&storage).map_err(failed)?.map_or(Ok(()), |problem| {
             Err(FileError::invalid(path, "header", problem).remedy("write the file again"))
         })?;
         let hdf5_max = decoded_max(file_bytes);
-        let options =
+        let mut options =
             NcOpenOptions { max_read_bytes: usize::try_from(hdf5_max).unwrap_or(usize::MAX), ..Default::default() };
+        options.chunk_cache_bytes /= files.max(1);
         let file = NcFile::from_storage_with_options(storage.clone(), options).map_err(failed)?;
         let is_hdf5 = matches!(file.format(), NcFormat::Nc4 | NcFormat::Nc4Classic);
         if is_hdf5 {
@@ -175,6 +182,23 @@ impl NetCdf {
             return Err(self.invalid(name, format!("holds {} numbers, not {wanted:?}", numbers.len())));
         }
         Ok(numbers)
+    }
+}
+
+/// A file that is opened for each read.
+struct Reopened {
+    path: PathBuf,
+    /// Its size.
+    bytes: u64,
+}
+
+impl Storage for Reopened {
+    fn len(&self) -> u64 {
+        self.bytes
+    }
+
+    fn read_range(&self, offset: u64, len: usize) -> hdf5_reader::error::Result<StorageBuffer> {
+        FileStorage::open(&self.path)?.read_range(offset, len)
     }
 }
 

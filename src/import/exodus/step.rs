@@ -8,67 +8,77 @@ use super::super::tuples::Tuples;
 use super::blocks::Block;
 use super::database::{Database, Source, element_name};
 use super::faces::FaceBlocks;
+use super::whole::Whole;
 use crate::error::{FileError, FileResult};
-use crate::field::FieldInfo;
+use crate::field::{Association, FieldInfo};
 use glam::DVec3;
 use std::hash::{DefaultHasher, Hash};
 use std::path::Path;
 use std::sync::Arc;
 
-/// A step: the file, and where the step is in it.
-#[derive(Clone)]
-pub(super) struct ExodusStep {
-    pieces: [Whole; 1],
+/// The variable with the number of each node.
+const NODE_MAP: &str = "node_num_map";
+
+/// Location of a step: its files, and its number in them.
+pub(super) struct Origin {
+    pub(super) whole: Arc<Whole>,
+    pub(super) step: usize,
 }
 
-/// The whole mesh.
-#[derive(Clone)]
-pub(super) struct Whole {
-    database: Arc<Database>,
+/// A step of all parts.
+pub(super) struct ExodusStep {
+    whole: Arc<Whole>,
+    /// The parts that have nodes or elements.
+    pieces: Vec<Part>,
+}
+
+/// A part of the mesh: a file.
+pub(super) struct Part {
+    whole: Arc<Whole>,
+    /// Its place among the files.
+    index: usize,
     step: usize,
 }
 
-impl ExodusStep {
-    pub(super) fn new(database: Arc<Database>, step: usize) -> Self {
-        Self { pieces: [Whole { database, step }] }
-    }
-}
-
 impl StepReader for ExodusStep {
-    type Origin = Self;
-    type Piece = Whole;
+    type Origin = Origin;
+    type Piece = Part;
 
-    fn open(origin: &Self) -> FileResult<Self> {
-        Ok(origin.clone())
+    fn open(origin: &Origin) -> FileResult<Self> {
+        let Origin { whole, step } = origin;
+        let is_filled = |index: &usize| whole.parts[*index].points > 0 || whole.parts[*index].cells() > 0;
+        let filled = (0..whole.parts.len()).filter(is_filled);
+        let pieces = filled.map(|index| Part { whole: whole.clone(), index, step: *step }).collect();
+        Ok(Self { whole: whole.clone(), pieces })
     }
 
     fn path(&self) -> &Path {
-        self.pieces[0].path()
+        self.whole.parts.first().map_or(Path::new(""), |part| part.netcdf.path())
     }
 
     fn bytes(&self) -> usize {
         0
     }
 
-    fn pieces(&self) -> &[Whole] {
+    fn pieces(&self) -> &[Part] {
         &self.pieces
     }
 }
 
-impl Piece for Whole {
+impl Piece for Part {
     type Array = Numbers;
 
     fn path(&self) -> &Path {
-        self.database.netcdf.path()
+        self.database().netcdf.path()
     }
 
     fn counts(&self) -> (usize, usize) {
-        (self.database.points, self.database.cells())
+        (self.database().points, self.database().cells())
     }
 
     fn add_to(&self, grid: &mut GridReader) -> FileResult<()> {
-        let Database { netcdf, points, blocks, .. } = &*self.database;
-        let (points, cells) = (*points, self.database.cells());
+        let Database { netcdf, points, blocks, .. } = self.database();
+        let (points, cells) = (*points, self.database().cells());
         grid.check_room(self.path(), "", points, cells)?;
         let first_point = grid.mesh.points.len();
         self.add_points(grid)?;
@@ -87,8 +97,19 @@ impl Piece for Whole {
         Ok(())
     }
 
+    /// The map of the numbers of nodes, which are those of the whole mesh.
+    fn point_numbers(&self) -> FileResult<Option<Vec<u64>>> {
+        let Database { netcdf, points, .. } = self.database();
+        if netcdf.shape(NODE_MAP).is_none() {
+            return Ok((*points == 0).then(Vec::new));
+        }
+        // Whether numbers are equal is all that matters.
+        let numbers = netcdf.read(NODE_MAP, &[], &[*points as u64])?;
+        Ok(Some(numbers.into_iter().map(f64::to_bits).collect()))
+    }
+
     fn arrays(&self) -> Vec<FieldInfo> {
-        self.database.arrays.iter().map(|array| array.field.clone()).collect()
+        self.database().arrays.iter().map(|array| array.field.clone()).collect()
     }
 
     fn blocks(&self) -> Vec<(BlockName, usize)> {
@@ -97,17 +118,18 @@ impl Piece for Whole {
     }
 
     fn left_out(&self) -> Vec<String> {
-        self.database.left_out.clone()
+        self.database().left_out.clone()
     }
 
     fn decode(&self, array: usize) -> FileResult<Numbers> {
         let no_array = || FileError::invalid(self.path(), "", "has no such array");
-        let array = self.database.arrays.get(array).ok_or_else(no_array)?;
+        let array = self.database().arrays.get(array).ok_or_else(no_array)?;
         match &array.source {
+            Source::Nothing => Ok(self.nothing(&array.field)),
             Source::Blocks => {
                 let of_block = |block: &Block| std::iter::repeat_n(block.id, block.cells);
-                let mut out = Tuples::new(1, self.database.cells(), false);
-                out.put(0, 0, self.database.blocks.iter().flat_map(of_block));
+                let mut out = Tuples::new(1, self.database().cells(), false);
+                out.put(0, 0, self.database().blocks.iter().flat_map(of_block));
                 Ok(out.numbers)
             }
             Source::Nodes(numbers) => {
@@ -126,9 +148,25 @@ impl Piece for Whole {
     }
 }
 
-impl Whole {
+impl Part {
+    fn database(&self) -> &Database {
+        &self.whole.parts[self.index]
+    }
+
+    /// An array of NaN.
+    fn nothing(&self, field: &FieldInfo) -> Numbers {
+        let tuples =
+            if field.association == Association::Point { self.database().points } else { self.database().cells() };
+        let mut out = Tuples::new(field.components, tuples, true);
+        (0..field.components).for_each(|component| out.put(component, 0, std::iter::repeat_n(f64::NAN, tuples)));
+        out.numbers
+    }
+
     fn add_points(&self, grid: &mut GridReader) -> FileResult<()> {
-        let Database { netcdf, points, axes, .. } = &*self.database;
+        let Database { netcdf, points, axes, .. } = self.database();
+        if *points == 0 {
+            return Ok(());
+        }
         let all = &mut grid.mesh.points;
         let first = all.len();
         let shape = [*points as u64];
@@ -147,7 +185,7 @@ impl Whole {
 
     /// The values of nodes: for each component a variable, and the index along its second axis if it has one.
     fn nodes<'a>(&self, components: impl Iterator<Item = (&'a str, Option<u64>)> + Clone) -> FileResult<Numbers> {
-        let Database { netcdf, points, .. } = &*self.database;
+        let Database { netcdf, points, .. } = self.database();
         let width = components.clone().count();
         let is_f32 = components.clone().all(|(name, _)| netcdf.is_f32(name));
         let mut out = None;
@@ -163,13 +201,13 @@ impl Whole {
 
     /// The values of elements; NaN in blocks without them.
     fn elements(&self, variables: &[usize]) -> FileResult<Numbers> {
-        let Database { netcdf, blocks, .. } = &*self.database;
-        let has = |variable: usize, block: &&Block| self.database.has(variable, block);
+        let Database { netcdf, blocks, .. } = self.database();
+        let has = |variable: usize, block: &&Block| self.database().has(variable, block);
         let all = variables.iter().flat_map(|&variable| {
             blocks.iter().filter(move |block| has(variable, block)).map(move |block| element_name(variable, block))
         });
         let is_f32 = all.into_iter().all(|name| netcdf.is_f32(&name));
-        let mut out = Tuples::new(variables.len(), self.database.cells(), is_f32);
+        let mut out = Tuples::new(variables.len(), self.database().cells(), is_f32);
         for (component, &variable) in variables.iter().enumerate() {
             let mut first = 0;
             for block in blocks {
