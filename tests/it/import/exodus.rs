@@ -47,11 +47,31 @@ fn every_format_of_netcdf_has_the_same_series() {
 }
 
 #[test]
+fn parts_are_one_mesh_whichever_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let part = |number: usize| folder.path().join(format!("run.e.2.{number}"));
+    // Two parts with the same nodes, which have no numbers: a mesh on itself.
+    (0..2).for_each(|number| drop(fs::copy(at("cdf2.e"), part(number)).expect("a copy")));
+    for paths in [vec![part(1)], vec![part(0), part(1)], vec![folder.path().to_owned()]] {
+        let source = import::open_many(&paths).expect("opens");
+        assert_eq!(source.times().values, [0.25, 1.5]);
+        let mesh = source.mesh().expect("a mesh");
+        assert_eq!((mesh.points.len(), mesh.cells.len()), (9, 6));
+        let of_file: Vec<f32> = (0..9).map(|i| (110 + i) as f32).collect();
+        assert_eq!(read(source.as_ref(), "T", 0, 1), of_file);
+        assert_eq!(read(source.as_ref(), "block", 0, 0), [30.0, 30.0, 30.0, 30.0, 10.0, 10.0]);
+    }
+    let files = import::files(&part(1)).expect("files");
+    assert_eq!(files, [part(1), part(0)]);
+}
+
+#[test]
 fn files_that_are_no_single_series_are_refused_with_the_remedy() {
     let refusal = |paths: &[PathBuf]| import::open_many(paths).err().expect("is refused").to_string();
     assert!(refusal(&[at("cdf1.e"), at("cdf2.e")]).contains("open it alone"));
     let folder = tempfile::tempdir().expect("a folder");
-    for (name, expected) in [("run.e.2.0", "epu"), ("run.e-s002", "later mesh")] {
+    for (name, expected) in [("run.e.2.0", "run.e.2.1"), ("run.e-s002", "later mesh"), ("run.e-s002.2.0", "later mesh")]
+    {
         let path = folder.path().join(name);
         fs::copy(at("cdf2.e"), &path).expect("a copy");
         assert!(refusal(&[path]).contains(expected), "{name}");
