@@ -9,7 +9,7 @@
 //! | `.vtk` | a legacy file of VTK: one step | `legacy` |
 //! | `.vtu.series`, ... | ParaView's list of such files with their times in JSON | `parts` |
 //! | `.pvd` | ParaView's list of these files, each with its time | `pvd` |
-//! | `.vtkhdf`, `.hdf` | VTKHDF: a grid of VTK in HDF5, with all its steps | `vtkhdf` |
+//! | `.vtkhdf`, `.hdf` | VTKHDF: a grid of VTK in HDF5, with one step or several | `vtkhdf` |
 //! | `.xdmf`, `.xmf` | XDMF: an XML file with the arrays of a series in HDF5 or binary files beside it | `xdmf` |
 //! | `.e`, `.exo`, `.g`, ... | Exodus II in any format of netCDF: a mesh in blocks, and all steps; in parts too (`.e.4.0`, ...) | `exodus` |
 //! | `.case`, `.encas` | EnSight Gold: a file that names those of the mesh and of each variable at each step | `ensight` |

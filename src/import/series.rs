@@ -99,8 +99,9 @@ struct Shape {
     cells: usize,
     /// Index of each cell of the mesh among all cells of the file; `None` if it is the same.
     kept: Option<Vec<u32>>,
-    /// Hashes of the mesh arrays as stored, and of the points and cells themselves.
-    stored_hash: u64,
+    /// Hashes of the mesh arrays as stored: of the first step, and of those whose mesh was found to be the same.
+    stored_hashes: Mutex<HashSet<u64>>,
+    /// Hashes of the points and cells themselves.
     points_hash: u64,
     cells_hash: u64,
     /// Points that pieces share.
@@ -213,7 +214,9 @@ impl<S: StepReader> Series<S> {
             let (old_points, old_cells) = (self.shape.points, self.shape.cells);
             return Err(changed(format!("{old_points} points and {old_cells} cells, then {points} and {cells}")));
         }
-        if loaded.stored_hash()? == self.shape.stored_hash {
+        let stored_hash = loaded.stored_hash()?;
+        let known = || self.shape.stored_hashes.lock().unwrap_or_else(PoisonError::into_inner);
+        if known().contains(&stored_hash) {
             return Ok(());
         }
         let grid = loaded.read_grid()?;
@@ -226,6 +229,7 @@ impl<S: StepReader> Series<S> {
             }
             self.moved.note("", step, 1);
         }
+        known().insert(stored_hash);
         Ok(())
     }
 
@@ -443,7 +447,7 @@ impl Shape {
         Ok(Self {
             points: grid.mesh.points.len(),
             cells: grid.cells,
-            stored_hash: step.stored_hash()?,
+            stored_hashes: Mutex::new(HashSet::from([step.stored_hash()?])),
             points_hash: hash_points(&grid.mesh),
             cells_hash: hash_cells(&grid),
             kept: grid.kept(),

@@ -14,20 +14,20 @@ mod tests;
 
 use super::format::Format;
 use super::hdf::{self, Attribute, Hdf};
-use super::series::Series;
+use super::timed::{Timed, open_files};
 use super::times::in_order;
 use crate::error::{FileError, FileResult};
-use crate::field::{SeriesSource, TimeAxis};
+use crate::field::SeriesSource;
 use block::{Block, Kind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use step::VtkHdfStep;
 
-/// VTK's data sets in HDF5.
+/// VTK's data sets in HDF5, with one step or several each.
 pub(super) const FORMAT: Format = Format {
-    name: "VTKHDF, a series in one file",
+    name: "VTKHDF",
     extensions: &["vtkhdf", "hdf"],
-    joins: false,
+    joins: true,
     recognises: |head| head.begins_with(hdf::MAGIC) && head.has(b"VTKHDF"),
     open,
     files: |_| Ok(Vec::new()),
@@ -40,18 +40,30 @@ const MISSING: &str = "write the file again with VTK or ParaView; h5ls -r lists 
 /// The greatest major version that is read.
 const VERSION_MAX: f64 = 2.0;
 
-/// Opens the only one of `paths`: reads counts, and the first step.
+/// Opens files, each with its steps: reads the counts of all, and the first step.
 fn open(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
-    let [path] = paths else { return Err(FileError::invalid("", "", "a VTKHDF file is opened alone")) };
+    let mut notes = Vec::new();
+    let files = paths.iter().map(|path| steps_of(path, &mut notes)).collect::<FileResult<Vec<_>>>()?;
+    open_files::<VtkHdfStep>(files, "times", notes)
+}
+
+/// The steps of a file.
+fn steps_of(path: &Path, notes: &mut Vec<String>) -> FileResult<Timed<step::Origin>> {
     let file = open_file(path)?;
-    let (blocks, mut notes) = blocks_of(&file)?;
-    let times = times_of(&file, &blocks, &mut notes)?;
+    let (blocks, more) = blocks_of(&file)?;
+    let steps = times_of(&file, &blocks, notes)?;
+    notes.extend(more.into_iter().filter(|note| !notes.contains(note)).collect::<Vec<_>>());
     let blocks: Arc<Vec<Arc<Block>>> = Arc::new(blocks.into_iter().map(Arc::new).collect());
-    let path = Arc::new(path.clone());
-    let origin = |&(_, step): &(f64, usize)| step::Origin { path: path.clone(), blocks: blocks.clone(), step };
-    let steps = times.iter().map(origin).collect();
-    let times = TimeAxis { values: times.iter().map(|(time, _)| *time).collect() };
-    Ok(Box::new(Series::<VtkHdfStep>::new(path.display().to_string(), times, steps, notes)?))
+    let shared = Arc::new(path.to_owned());
+    let origin = |step: usize| step::Origin { path: shared.clone(), blocks: blocks.clone(), step };
+    let (times, origins) = match steps {
+        None => (None, vec![origin(0)]),
+        Some(steps) => {
+            let (times, steps): (Vec<f64>, Vec<usize>) = steps.into_iter().unzip();
+            (Some(times), steps.into_iter().map(origin).collect())
+        }
+    };
+    Ok(Timed { path: path.to_owned(), times, origins })
 }
 
 fn open_file(path: &Path) -> FileResult<Hdf> {
@@ -143,35 +155,38 @@ fn composite(file: &Hdf) -> FileResult<(Vec<Block>, Vec<String>)> {
     Ok((blocks, note.into_iter().collect()))
 }
 
-/// The times of the steps and their numbers in the file, in order of time.
-fn times_of(file: &Hdf, blocks: &[Block], notes: &mut Vec<String>) -> FileResult<Vec<(f64, usize)>> {
+/// The times of the steps and their numbers in the file, in order of time; `None` if it has one step without a time.
+fn times_of(file: &Hdf, blocks: &[Block], notes: &mut Vec<String>) -> FileResult<Option<Vec<(f64, usize)>>> {
     let mut timed = blocks.iter().filter_map(|block| Some((block, block.times.as_ref()?)));
     let invalid = |place: &str, problem: String| FileError::invalid(file.path(), place, problem);
     let Some((first, times)) = timed.next() else {
-        return Ok(vec![(time_value(file)?, 0)]);
+        return Ok(time_value(file)?.map(|time| vec![(time, 0)]));
     };
     if let Some((other, _)) = timed.find(|(_, other)| *other != times) {
         let problem = format!("has other times than '{}'", first.group);
         return Err(invalid(&format!("group '{}'", other.group), problem).remedy("write blocks with the same steps"));
     }
     if let Some(still) = blocks.iter().find(|block| block.times.is_none()) {
-        notes.push(format!("'{}' has no steps: it is the same at all times", still.group));
+        let note = format!("'{}' has no steps: it is the same at all times", still.group);
+        if !notes.contains(&note) {
+            notes.push(note);
+        }
     }
     let place = format!("data set '{}/Steps/Values'", first.group);
-    in_order(times).map_err(|problem| invalid(&place, problem).remedy("write each time once"))
+    in_order(times).map(Some).map_err(|problem| invalid(&place, problem).remedy("write each time once"))
 }
 
-/// The time that a file of one step has in its field data; 0 if it has none.
-fn time_value(file: &Hdf) -> FileResult<f64> {
+/// The time that a file of one step has in its field data.
+fn time_value(file: &Hdf) -> FileResult<Option<f64>> {
     let group = format!("{ROOT}/FieldData");
     if !file.names(&group)?.1.iter().any(|name| name == "TimeValue") {
-        return Ok(0.0);
+        return Ok(None);
     }
     let name = format!("{group}/TimeValue");
     let array = file.array(&name)?;
     match array.read()?.values().to_f64()[..] {
-        [time] if time.is_finite() => Ok(time + 0.0),
+        [time] if time.is_finite() => Ok(Some(time + 0.0)),
         [time] => Err(array.invalid(format!("the time {time} is not finite"))),
-        _ => Ok(0.0),
+        _ => Ok(None),
     }
 }

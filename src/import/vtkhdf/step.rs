@@ -116,7 +116,7 @@ impl Piece for Part {
 
     /// Hashes where the mesh is, not what is there.
     fn hash_mesh(&self, state: &mut DefaultHasher) -> FileResult<()> {
-        (&self.block.group, self.place).hash(state);
+        (self.path(), &self.block.group, self.place).hash(state);
         if let Mesh::Image(image) = &self.block.mesh {
             image.hash_mesh(state);
         }

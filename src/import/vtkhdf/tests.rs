@@ -128,6 +128,43 @@ fn other_data_sets_are_refused_by_name() {
     }
 }
 
+/// The bytes with other numbers in place of the only ones that are these.
+fn changed(bytes: &[u8], old: [f32; 3], new: [f32; 3]) -> Vec<u8> {
+    let [old, new] = [old, new].map(|numbers| numbers.map(f32::to_le_bytes).concat());
+    let places: Vec<_> = (0..bytes.len()).filter(|&at| bytes[at..].starts_with(&old)).collect();
+    let [at] = places[..] else { panic!("these numbers are at {places:?}") };
+    [&bytes[..at], &new, &bytes[at + new.len()..]].concat()
+}
+
+#[test]
+fn several_files_are_one_series_in_order_of_their_times() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let paths = ["b_10.vtkhdf", "b_9.vtkhdf"].map(|name| folder.path().join(name));
+    let earlier = changed(STEPS, [0.25, 0.5, 2.0], [-3.0, -2.0, -1.0]);
+    fs::write(&paths[0], &earlier).expect("a file");
+    fs::write(&paths[1], STEPS).expect("a file");
+    let source = crate::import::open_many(&paths).expect("opens");
+    let source = source.as_ref();
+    assert_eq!(source.times().values, [-3.0, -2.0, -1.0, 0.25, 0.5, 2.0]);
+    for step in 0..6 {
+        assert_eq!(read(source, "T", 0, step).expect("values"), from(100 * (step as u16 % 3), 16), "{step}");
+    }
+    assert!(source.notes().join("; ").contains("times are the times of the files"));
+    // A run that began anew before the end of the other: by names.
+    fs::write(&paths[0], changed(STEPS, [0.25, 0.5, 2.0], [-3.0, -2.0, 1.0])).expect("a file");
+    let source = crate::import::open_many(&paths).expect("opens");
+    assert_eq!(source.times().values, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
+    let notes = source.notes().join("; ");
+    assert!(notes.contains("b_9.vtkhdf have overlapping times"), "{notes}");
+    // Equal places in other files are no equal meshes.
+    fs::write(&paths[0], changed(&earlier, [3.0, 0.0, 0.0], [3.5, 0.0, 0.0])).expect("a file");
+    let source = crate::import::open_many(&paths).expect("opens");
+    let error = read(source.as_ref(), "T", 0, 3).expect_err("moves").to_string();
+    assert!(error.contains("b_9.vtkhdf") && error.contains("points move"), "{error}");
+    let files = crate::import::open_many(&[paths[0].clone(), folder.path().join("a.pvd")]);
+    assert!(files.err().expect("of two kinds").to_string().contains("open it alone"));
+}
+
 /// Reads all that there is.
 fn read_all(bytes: &[u8]) -> Result<(), String> {
     with(bytes, crate::import::read_all)

@@ -31,6 +31,19 @@ fn steps_of_all_kinds_of_grids_have_the_values_that_were_written() {
 }
 
 #[test]
+fn a_folder_of_files_is_one_series() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for name in ["a_2.vtkhdf", "a_10.vtkhdf"] {
+        std::fs::copy(at("single.hdf"), folder.path().join(name)).expect("a copy");
+    }
+    let source = import::open(folder.path()).expect("opens");
+    assert_eq!(source.times().values, [0.0, 1.0]);
+    let notes = source.notes().join("; ");
+    assert!(notes.contains("a_2.vtkhdf") && notes.contains("have the same times"), "{notes}");
+    assert_eq!(import::files(folder.path()).expect("files").len(), 3);
+}
+
+#[test]
 fn what_is_no_grid_is_refused() {
     for (name, expected) in [("surface.vtkhdf", "PolyData"), ("amr.vtkhdf", "OverlappingAMR"), ("other.hdf", "VTKHDF")]
     {
