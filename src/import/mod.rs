@@ -28,6 +28,7 @@ mod ensight;
 mod exodus;
 mod faces;
 mod format;
+mod grids;
 mod hdf;
 mod joined;
 mod joints;

@@ -5,9 +5,9 @@
 
 use super::content::Head;
 use super::format::{Format, extension};
-use super::legacy;
+use super::grids::{GridStep, open_steps};
+use super::legacy::is_legacy;
 use super::series::Series;
-use super::vtu::{VtuStep, open_steps};
 use super::xml::{Attributes, same_length_utf8};
 use crate::error::{FileError, FileResult};
 use crate::field::{SeriesSource, TimeAxis};
@@ -45,14 +45,8 @@ pub(super) const SERIES: Format = Format {
     recognises: |head| head.has(b"\"file-series-version\""),
     open: open_list,
     files: |path| {
-        let mut files = Vec::new();
-        for (_, file) in listed(path)? {
-            match legacy::is_legacy(&file) {
-                true => files.push(file),
-                false => files.extend(Parts::of(&file)?.all()),
-            }
-        }
-        Ok(files)
+        let parts = listed(path)?.into_iter().map(|(_, file)| Ok(Parts::of(&file)?.all()));
+        Ok(parts.collect::<FileResult<Vec<_>>>()?.concat())
     },
 };
 
@@ -65,12 +59,30 @@ const PARALLEL: [(&str, &str); 4] =
 /// The type of files of blocks.
 const BLOCKS: &str = "vtkMultiBlockDataSet";
 
-/// The extension of a file, or that of its type in XML where that is none of these.
+/// The extension of legacy files.
+const LEGACY: &str = "vtk";
+
+/// Whether a kind is that of a grid.
+fn is_grid(kind: &str) -> bool {
+    kind == LEGACY || GRIDS.iter().any(|(grid, _)| *grid == kind)
+}
+
+/// The error for a file of a kind that is no part of a step; `None` for others.
+pub(super) fn refused(path: &Path) -> Option<(String, &'static str)> {
+    let kind = kind_of(path);
+    let is_known = is_grid(&kind) || kind == "vtm" || PARALLEL.iter().any(|(parallel, _)| *parallel == kind);
+    (!is_known).then(|| (format!("files of kind .{kind} are no part of a step"), "save it as .vtu"))
+}
+
+/// The extension of a file, or that of its type where that is none of these.
 fn kind_of(path: &Path) -> String {
     let kinds = || GRIDS.into_iter().chain(PARALLEL).chain([("vtm", BLOCKS)]);
     let named = extension(path);
     if kinds().any(|(known, _)| known == named) {
         return named;
+    }
+    if is_legacy(path) {
+        return LEGACY.to_owned();
     }
     let head = Head::of(path);
     kinds().find(|(_, of_type)| head.is_vtk(&[of_type])).map_or(named, |(kind, _)| kind.to_owned())
@@ -94,16 +106,14 @@ impl Parts {
     /// If the file cannot be read, names no grid, or one that is missing or outside of its folder.
     pub(super) fn of(path: &Path) -> FileResult<Self> {
         match kind_of(path).as_str() {
-            kind if GRIDS.iter().any(|(grid, _)| *grid == kind) => {
-                Ok(Self { files: vec![path.to_owned()], ..Self::default() })
-            }
+            kind if is_grid(kind) => Ok(Self { files: vec![path.to_owned()], ..Self::default() }),
             kind if let Some((_, of_type)) = PARALLEL.iter().find(|(parallel, _)| *parallel == kind) => {
                 Self::named(path, of_type, &[("Piece", "Source")])
             }
             "vtm" => Self::named(path, BLOCKS, &[("DataSet", "file"), ("Piece", "file")]),
-            other => {
-                let problem = format!("files of kind .{other} are no part of a step");
-                Err(FileError::unsupported(path, "", problem).remedy("save it as .vtu"))
+            _ => {
+                let (problem, remedy) = refused(path).unwrap_or_default();
+                Err(FileError::unsupported(path, "", problem).remedy(remedy))
             }
         }
     }
@@ -142,7 +152,7 @@ impl Parts {
                     }
                     let file = located(path, file).map_err(invalid)?;
                     match kind_of(&file).as_str() {
-                        grid if GRIDS.iter().any(|(known, _)| *known == grid) => parts.files.push(file),
+                        grid if is_grid(grid) => parts.files.push(file),
                         parallel if is_of_blocks && PARALLEL.iter().any(|(other, _)| *other == parallel) => {
                             let more = Self::of(&file)?;
                             parts.files.extend(more.files);
@@ -150,7 +160,7 @@ impl Parts {
                         }
                         other => {
                             return Err(invalid(format!(
-                                "names a file of kind .{other}; only grids are read ({})",
+                                "names a file of kind .{other}; only grids are read ({}, {LEGACY})",
                                 GRIDS.map(|(grid, _)| grid).join(", ")
                             )));
                         }
@@ -237,9 +247,6 @@ fn listed(path: &Path) -> FileResult<Vec<(f64, PathBuf)>> {
 fn open_list(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
     let [path] = paths else { return Err(FileError::invalid("", "", "a list is opened alone")) };
     let listed = listed(path)?;
-    if listed.iter().any(|(_, file)| legacy::is_legacy(file)) {
-        return legacy::open_listed(path, listed);
-    }
     let (mut times, mut steps, mut notes) = (Vec::new(), Vec::new(), Vec::new());
     for (time, file) in listed {
         let Parts { files, notes: more, .. } = Parts::of(&file)?;
@@ -248,7 +255,7 @@ fn open_list(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
         steps.push(files);
     }
     let times = TimeAxis { values: times };
-    Ok(Box::new(Series::<VtuStep>::new(path.display().to_string(), times, steps, notes)?))
+    Ok(Box::new(Series::<GridStep>::new(path.display().to_string(), times, steps, notes)?))
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
 //! Reader of `.pvd` files: ParaView's list of the files of a series, each with its time.
 
 use super::format::{Format, extension};
-use super::parts::Parts;
+use super::grids::GridStep;
+use super::parts::{Parts, refused};
 use super::series::Series;
-use super::vtu::VtuStep;
 use super::xml::{Attributes, same_length_utf8};
 use crate::error::{FileError, FileResult};
 use crate::field::{SeriesSource, TimeAxis};
@@ -12,7 +12,7 @@ use quick_xml::Reader;
 use quick_xml::events::Event;
 use std::path::{Path, PathBuf};
 
-/// ParaView's lists of `.vtu` files with their times.
+/// ParaView's lists of files with their times.
 pub(super) const FORMAT: Format = Format {
     name: "ParaView collections",
     extensions: &["pvd"],
@@ -28,7 +28,7 @@ fn open(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
     let (steps, notes) = read(path)?;
     let times = TimeAxis { values: steps.iter().map(|step| step.time).collect() };
     let files = steps.into_iter().map(|step| step.parts).collect();
-    Ok(Box::new(Series::<VtuStep>::new(path.display().to_string(), times, files, notes)?))
+    Ok(Box::new(Series::<GridStep>::new(path.display().to_string(), times, files, notes)?))
 }
 
 /// One step of a collection.
@@ -157,20 +157,19 @@ fn entry(index: usize, attributes: &Attributes) -> Result<Entry, String> {
 /// The file of an entry, relative to the collection or absolute. Some writers percent-encode spaces or use backslashes: these are tried if
 /// the literal name does not exist.
 fn locate(path: &Path, entry: &Entry) -> FileResult<PathBuf> {
-    let unsupported = |problem: &str| FileError::unsupported(path, entry.place(), problem);
-    match extension(Path::new(&entry.file)).as_str() {
-        "vtu" | "pvtu" | "vtm" => {}
-        other => return Err(unsupported(&format!("only .vtu files are read, not .{other}")).remedy("save it as .vtu")),
-    }
     let folder = path.parent().unwrap_or(Path::new(""));
     let decoded = percent_decoded(&entry.file);
     let candidates = [entry.file.clone(), decoded.clone(), entry.file.replace('\\', "/"), decoded.replace('\\', "/")];
     let found = candidates.iter().map(|name| folder.join(name)).find(|file| file.exists() && !file.is_dir());
-    found.ok_or_else(|| {
+    let found = found.ok_or_else(|| {
         let missing = folder.join(&entry.file);
         FileError::invalid(path, entry.place(), format!("the file {} is missing", missing.display()))
             .remedy("copy it there, or remove the entry")
-    })
+    })?;
+    match refused(&found) {
+        Some((problem, remedy)) => Err(FileError::unsupported(path, entry.place(), problem).remedy(remedy)),
+        None => Ok(found),
+    }
 }
 
 fn percent_decoded(name: &str) -> String {
@@ -261,8 +260,11 @@ mod tests {
 
     #[test]
     fn other_kinds_of_files_are_refused_and_surfaces_skipped() {
-        let error = collection(&[("0", "0", "a.vti")], &["a.vti"]).expect_err("an image").to_string();
-        assert!(error.contains(".vti") && error.contains("save it as .vtu"), "{error}");
+        let error = collection(&[("0", "0", "a.stl")], &["a.stl"]).expect_err("a surface").to_string();
+        assert!(error.contains("entry 0") && error.contains(".stl") && error.contains("save it as .vtu"), "{error}");
+        let all = ["a.vti", "b.vtk", "c.vts", "d.vtr"];
+        let entries = ["0", "1", "2", "3"].iter().zip(all).map(|(time, file)| (*time, "0", file)).collect::<Vec<_>>();
+        assert_eq!(collection(&entries, &all).expect("valid").0.len(), 4);
         let (steps, notes) =
             collection(&[("0", "0", "a.vtu"), ("0", "1", "b.vtp")], &["a.vtu", "b.vtp"]).expect("valid");
         assert_eq!((steps.len(), notes.len()), (1, 1));

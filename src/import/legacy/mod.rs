@@ -6,22 +6,19 @@
 
 mod array;
 mod attributes;
-
 mod grid;
 mod header;
-mod step;
+mod piece;
 #[cfg(test)]
 mod tests;
 
-pub(super) use step::LegacyStep;
-
+use super::content::Head;
 use super::cursor;
-use super::format::{Format, extension};
+use super::format::Format;
+use super::grids::open_each;
 use super::numbers::{ArrayBytes, Decoded, Number, parse_ascii};
-use super::series::Series;
-use super::timed::{at_start, finite, open_steps};
+use super::timed::{at_start, finite};
 use crate::error::{FileError, FileResult};
-use crate::field::{SeriesSource, TimeAxis};
 use crate::files;
 use array::{Array, Kind};
 use cursor::{AGAIN, place};
@@ -35,37 +32,26 @@ pub(super) const FORMAT: Format = Format {
     extensions: &["vtk"],
     joins: true,
     recognises: |head| head.begins_with(b"# vtk DataFile"),
-    open,
+    open: open_each,
     files: |_| Ok(Vec::new()),
 };
 
-/// Times are those of [`TIME_ARRAYS`] in the files, as [`open_steps`] takes them.
-fn open(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
-    let steps = paths.iter().map(|path| (path.clone(), path.clone())).collect();
-    open_steps::<LegacyStep>(steps, &TIME_ARRAYS.join(" or "), |path| time_of(path), Vec::new())
+/// What has the time in a file, for messages.
+pub(super) fn time_name() -> String {
+    TIME_ARRAYS.join(" or ")
 }
 
-/// Whether a file is one of this format, by its name.
+/// Whether a file is one of this format: by its name, or by how it begins if its name says nothing.
 pub(super) fn is_legacy(path: &Path) -> bool {
-    FORMAT.extensions.contains(&extension(path).as_str())
-}
-
-/// Opens the files of the list at `path`, with their times.
-///
-/// # Errors
-/// If a file is of another format, or as [`Series::new`].
-pub(super) fn open_listed(path: &Path, listed: Vec<(f64, PathBuf)>) -> FileResult<Box<dyn SeriesSource>> {
-    if let Some((_, other)) = listed.iter().find(|(_, file)| !is_legacy(file)) {
-        let problem = format!("lists .vtk files and {}", other.display());
-        return Err(FileError::unsupported(path, "", problem).remedy("list files of one kind"));
-    }
-    let (times, steps) = listed.into_iter().unzip();
-    let times = TimeAxis { values: times };
-    Ok(Box::new(Series::<LegacyStep>::new(path.display().to_string(), times, steps, Vec::new())?))
+    Format::of(path)
+        .map_or_else(|| (FORMAT.recognises)(&Head::of(path)), |format| format.extensions == FORMAT.extensions)
 }
 
 /// The time of a file, reading no more of it than needed.
-fn time_of(path: &Path) -> FileResult<Option<f64>> {
+///
+/// # Errors
+/// If the file cannot be read, is none of this format, or the time is not finite.
+pub(super) fn time_of(path: &Path) -> FileResult<Option<f64>> {
     at_start(path, |bytes| match parse(path, &bytes, Extent::Time) {
         Ok(header) => {
             let time = header.time.map(|array| {
@@ -92,7 +78,7 @@ impl LegacyFile {
     ///
     /// # Errors
     /// If it cannot be read, is no legacy file or one of another kind of mesh, or contradicts itself.
-    fn open(path: &Path) -> FileResult<Self> {
+    pub(super) fn open(path: &Path) -> FileResult<Self> {
         let bytes = files::read(path)?;
         let mut header = parse(path, &bytes, Extent::Whole)?;
         let geometry = Geometry::of(path, &mut header, bytes.len())?;
@@ -106,6 +92,11 @@ impl LegacyFile {
             }
         }
         Ok(Self { path: path.to_owned(), bytes, header, geometry })
+    }
+
+    /// Bytes of the file.
+    pub(super) fn size(&self) -> usize {
+        self.bytes.len()
     }
 
     /// Reads the numbers of an array.

@@ -1,7 +1,7 @@
 //! Whole files of all kinds, as text and binary, and what is wrong with others.
 
 use super::*;
-use crate::field::Component;
+use crate::field::{Component, SeriesSource};
 use crate::import::open_many;
 use crate::mesh::RawMesh;
 use crate::random::SplitMix64;
@@ -190,7 +190,16 @@ fn files_are_a_series_with_their_times_and_lists_of_them_another() {
     assert_eq!(crate::import::files(&list).unwrap().len(), 3);
     fs::write(folder.path().join("c.vtu"), "").unwrap();
     fs::write(&list, text.replace("s_10.vtk", "c.vtu")).unwrap();
-    assert!(crate::import::open(&list).err().unwrap().to_string().contains("files of one kind"));
+    let source = crate::import::open(&list).unwrap();
+    assert!(first(source.as_ref(), 1).unwrap_err().to_string().contains("c.vtu"));
+
+    fs::rename(folder.path().join("s_10.vtk"), folder.path().join("s_10")).unwrap();
+    let list = folder.path().join("s.pvd");
+    let entries = r#"<DataSet timestep="4" file="s_9.vtk"/><DataSet timestep="5" file="s_10"/>"#;
+    let text = format!("<VTKFile type=\"Collection\"><Collection>{entries}</Collection></VTKFile>");
+    fs::write(&list, text).unwrap();
+    let source = crate::import::open(&list).unwrap();
+    assert_eq!((source.times().values.as_slice(), first(source.as_ref(), 1).ok()), (&[4.0, 5.0][..], Some(2.0)));
 
     let (_moved, source) = open_files(&[("0.vtk", &a), ("1.vtk", &structured(true, "STRUCTURED_GRID"))]);
     let error = first(source.unwrap().as_ref(), 1).unwrap_err().to_string();

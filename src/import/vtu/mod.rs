@@ -6,11 +6,11 @@ mod encoded;
 mod faces;
 mod header;
 mod open;
-mod step;
+mod piece;
 mod structured;
 
-pub(super) use open::{CURVILINEAR, FORMAT, IMAGE, RECTILINEAR, open_steps};
-pub(super) use step::VtuStep;
+pub(super) use open::{CURVILINEAR, FORMAT, IMAGE, RECTILINEAR, TIME, time_of};
+pub(super) use piece::VtuPiece;
 
 use super::numbers::{self, ArrayBytes, Decoded, Values};
 use super::timed::at_start;

@@ -1,11 +1,11 @@
-//! `.vtu` files as a series of one step each.
+//! `.vtu` files and those of structured grids, one step each, and their times.
 
-use super::{VtuStep, time_value_of};
+use super::time_value_of;
 use crate::error::FileResult;
-use crate::field::SeriesSource;
 use crate::import::format::Format;
-use crate::import::timed::{self, finite};
-use std::path::PathBuf;
+use crate::import::grids::open_each;
+use crate::import::timed::finite;
+use std::path::Path;
 
 /// VTK's XML unstructured grids, one step per file.
 pub(in crate::import) const FORMAT: Format = Format {
@@ -13,7 +13,7 @@ pub(in crate::import) const FORMAT: Format = Format {
     extensions: &["vtu"],
     joins: true,
     recognises: |head| head.is_vtk(&["UnstructuredGrid"]),
-    open,
+    open: open_each,
     files: |_| Ok(Vec::new()),
 };
 
@@ -41,21 +41,13 @@ pub(in crate::import) const CURVILINEAR: Format = Format {
     ..FORMAT
 };
 
-fn open(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
-    open_steps(paths.iter().map(|path| (path.clone(), vec![path.clone()])).collect(), Vec::new())
-}
-
 /// The array of the field data that has the time of a file.
-const TIME: &str = "TimeValue";
+pub(in crate::import) const TIME: &str = "TimeValue";
 
-/// Opens steps, each named by a file and read from some, with times as [`timed::open_steps`] takes them from the first of these.
-pub(in crate::import) fn open_steps(
-    steps: Vec<(PathBuf, Vec<PathBuf>)>,
-    notes: Vec<String>,
-) -> FileResult<Box<dyn SeriesSource>> {
-    let time_of = |files: &Vec<PathBuf>| {
-        let Some(first) = files.first() else { return Ok(None) };
-        time_value_of(first)?.map(|time| finite(first, TIME, time)).transpose()
-    };
-    timed::open_steps::<VtuStep>(steps, TIME, time_of, notes)
+/// The time of a file, reading no more of it than needed.
+///
+/// # Errors
+/// If the file cannot be read, is not a grid, or the time is not finite.
+pub(in crate::import) fn time_of(path: &Path) -> FileResult<Option<f64>> {
+    time_value_of(path)?.map(|time| finite(path, TIME, time)).transpose()
 }

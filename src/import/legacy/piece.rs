@@ -1,4 +1,4 @@
-//! A legacy file as a step of one piece.
+//! A legacy file as a piece.
 
 use super::LegacyFile;
 use super::array::Array;
@@ -8,35 +8,8 @@ use crate::field::{Association, FieldInfo};
 use crate::import::cells::GridReader;
 use crate::import::numbers::{ArrayBytes, Values};
 use crate::import::pieces::Piece;
-use crate::import::series::StepReader;
 use std::hash::{DefaultHasher, Hash, Hasher};
-use std::path::{Path, PathBuf};
-
-/// A step in memory: its file, undecoded.
-pub(in crate::import) struct LegacyStep {
-    file: [LegacyFile; 1],
-}
-
-impl StepReader for LegacyStep {
-    type Origin = PathBuf;
-    type Piece = LegacyFile;
-
-    fn open(path: &PathBuf) -> FileResult<Self> {
-        Ok(Self { file: [LegacyFile::open(path)?] })
-    }
-
-    fn path(&self) -> &Path {
-        &self.file[0].path
-    }
-
-    fn bytes(&self) -> usize {
-        self.file[0].bytes.len()
-    }
-
-    fn pieces(&self) -> &[LegacyFile] {
-        &self.file
-    }
-}
+use std::path::Path;
 
 impl LegacyFile {
     /// Its arrays: those of points, then those of cells.
