@@ -32,6 +32,7 @@ const MUTANTS: &[(&str, u64)] = &[
     ("vtk", 1500),
     ("xdmf", 1200),
     ("exodus", 1200),
+    ("exodus_parts", 500),
     ("ensight", 800),
     ("vtkhdf", 1200),
     ("npz", 800),
@@ -100,6 +101,7 @@ replayed! {
     any_bytes_are_a_legacy_file_or_an_error: "vtk";
     any_bytes_are_an_xdmf_series_or_an_error: "xdmf";
     any_bytes_are_an_exodus_file_or_an_error: "exodus";
+    any_bytes_are_parts_of_an_exodus_file_or_an_error: "exodus_parts";
     any_bytes_are_an_ensight_case_or_an_error: "ensight";
     any_bytes_are_a_vtkhdf_series_or_an_error: "vtkhdf";
     any_bytes_are_arrays_of_numpy_or_an_error: "npz";

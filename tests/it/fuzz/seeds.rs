@@ -187,6 +187,13 @@ fn parts(to: &Path) {
     let list = br#"{"files": [{"name": "a.vtk", "time": 1}, {"name": "b.vtk", "time": 2.5}]}"#;
     let files = [("a.vtk", LEGACY), ("b.vtk", LEGACY)].map(|(name, bytes)| (name, bytes, false));
     put(to, "parts", "legacy", &pack([("fuzzed.vtu.series", &list[..], false)].into_iter().chain(files)));
+    let list = br#"{"files": [{"name": "m.vtm", "time": 1}, {"name": "m.vtm", "time": 2.5}]}"#;
+    let blocks = br#"<VTKFile type="vtkMultiBlockDataSet"><vtkMultiBlockDataSet><DataSet index="0" file="a.vtu"/>
+<DataSet index="1" file="b.vtk"/></vtkMultiBlockDataSet></VTKFile>
+"#;
+    let files = [("a.vtu", grid.as_bytes()), ("b.vtk", LEGACY), ("m.vtm", &blocks[..])];
+    let all = [("fuzzed.vtu.series", &list[..])].into_iter().chain(files);
+    put(to, "parts", "mixed", &pack(all.map(|(name, bytes)| (name, bytes, false))));
     put(to, "vtk", "attributes", LEGACY);
 }
 
@@ -266,6 +273,9 @@ fn exodus(to: &Path) {
     for name in ["cdf1", "cdf2", "cdf5", "netcdf4"] {
         put(to, "exodus", name, &fs::read(folder.join(format!("{name}.e"))).unwrap());
     }
+    let parts = [0, 1].map(|part| fs::read(folder.join(format!("parts.e.2.{part}"))).unwrap());
+    let names = ["fuzzed.e.2.0", "fuzzed.e.2.1"];
+    put(to, "exodus_parts", "two", &pack(names.into_iter().zip(&parts).map(|(name, bytes)| (name, &bytes[..], false))));
 }
 
 /// The files below a folder as one input, chunks without their checksums.

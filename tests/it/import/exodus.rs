@@ -48,21 +48,29 @@ fn every_format_of_netcdf_has_the_same_series() {
 
 #[test]
 fn parts_are_one_mesh_whichever_is_named() {
+    let whole = import::open(&at("cdf1.e")).expect("opens");
+    let [first, second] = ["parts.e.2.0", "parts.e.2.1"].map(at);
     let folder = tempfile::tempdir().expect("a folder");
-    let part = |number: usize| folder.path().join(format!("run.e.2.{number}"));
-    // Two parts with the same nodes, which have no numbers: a mesh on itself.
-    (0..2).for_each(|number| drop(fs::copy(at("cdf2.e"), part(number)).expect("a copy")));
-    for paths in [vec![part(1)], vec![part(0), part(1)], vec![folder.path().to_owned()]] {
-        let source = import::open_many(&paths).expect("opens");
-        assert_eq!(source.times().values, [0.25, 1.5]);
-        let mesh = source.mesh().expect("a mesh");
-        assert_eq!((mesh.points.len(), mesh.cells.len()), (9, 6));
-        let of_file: Vec<f32> = (0..9).map(|i| (110 + i) as f32).collect();
-        assert_eq!(read(source.as_ref(), "T", 0, 1), of_file);
-        assert_eq!(read(source.as_ref(), "block", 0, 0), [30.0, 30.0, 30.0, 30.0, 10.0, 10.0]);
+    for path in [&first, &second] {
+        fs::copy(path, folder.path().join(path.file_name().expect("a name"))).expect("a copy");
     }
-    let files = import::files(&part(1)).expect("files");
-    assert_eq!(files, [part(1), part(0)]);
+    for paths in [vec![second.clone()], vec![second.clone(), first.clone()], vec![folder.path().to_owned()]] {
+        let source = import::open_many(&paths).expect("opens");
+        assert_eq!(source.times(), whole.times());
+        let (mesh, expected) = (source.mesh().expect("a mesh"), whole.mesh().expect("a mesh"));
+        assert_eq!((&mesh.points, &mesh.cells.tets), (&expected.points, &expected.cells.tets));
+        assert_eq!(mesh.cells.len(), expected.cells.len());
+        for field in whole.fields() {
+            for (component, step) in (0..field.components).flat_map(|component| [(component, 0), (component, 1)]) {
+                let of = |source: &dyn SeriesSource| read(source, &field.name, component, step);
+                let bits = |values: Vec<f32>| values.into_iter().map(f32::to_bits).collect::<Vec<_>>();
+                assert_eq!(bits(of(source.as_ref())), bits(of(whole.as_ref())), "{field:?}");
+            }
+        }
+        let notes = source.notes().join("; ");
+        assert!(notes.contains("joined 4 points") && notes.contains("10 left (1 HEX8)"), "{notes}");
+    }
+    assert_eq!(import::files(&second).expect("files"), [second, first]);
 }
 
 #[test]

@@ -37,6 +37,7 @@ pub const TARGETS: &[Target] = &[
     Target { name: "vtk", run: |bytes| file_of(bytes, "fuzzed.vtk") },
     Target { name: "xdmf", run: |bytes| series_of(bytes, "fuzzed.xdmf") },
     Target { name: "exodus", run: |bytes| file_of(bytes, "fuzzed.e") },
+    Target { name: "exodus_parts", run: |bytes| series_of(bytes, "fuzzed.e.2.0") },
     Target { name: "ensight", run: |bytes| series_of(bytes, "fuzzed.case") },
     Target { name: "vtkhdf", run: |bytes| file_of(bytes, "fuzzed.vtkhdf") },
     Target { name: "npz", run: |bytes| file_of(bytes, "fuzzed.npz") },
