@@ -3,7 +3,7 @@
 use super::cells::GridReader;
 use super::legacy::{self, LegacyFile, is_legacy};
 use super::numbers::{ArrayBytes, Values};
-use super::pieces::Piece;
+use super::pieces::{BlockName, Piece};
 use super::series::StepReader;
 use super::timed;
 use super::vtu::{self, VtuPiece};
@@ -12,25 +12,41 @@ use crate::field::{FieldInfo, SeriesSource};
 use std::hash::DefaultHasher;
 use std::path::{Path, PathBuf};
 
+/// A file of a step, and the block of its cells if it is one.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct GridFile {
+    pub(super) path: PathBuf,
+    pub(super) block: Option<String>,
+}
+
+impl From<PathBuf> for GridFile {
+    fn from(path: PathBuf) -> Self {
+        Self { path, block: None }
+    }
+}
+
 /// Opens files that are a step each.
 ///
 /// # Errors
 /// As for [`open_steps`].
 pub(super) fn open_each(paths: &[PathBuf]) -> FileResult<Box<dyn SeriesSource>> {
-    open_steps(paths.iter().map(|path| (path.clone(), vec![path.clone()])).collect(), Vec::new())
+    open_steps(paths.iter().map(|path| (path.clone(), vec![path.clone().into()])).collect(), Vec::new())
 }
 
 /// Opens steps, each named by a file and read from some, with times as [`timed::open_steps`] takes them from the first of these.
 ///
 /// # Errors
 /// As for [`timed::open_steps`].
-pub(super) fn open_steps(steps: Vec<(PathBuf, Vec<PathBuf>)>, notes: Vec<String>) -> FileResult<Box<dyn SeriesSource>> {
-    let has_legacy = steps.iter().filter_map(|(_, files)| files.first()).any(|file| is_legacy(file));
+pub(super) fn open_steps(
+    steps: Vec<(PathBuf, Vec<GridFile>)>,
+    notes: Vec<String>,
+) -> FileResult<Box<dyn SeriesSource>> {
+    let has_legacy = steps.iter().filter_map(|(_, files)| files.first()).any(|file| is_legacy(&file.path));
     let name = if has_legacy { legacy::time_name() } else { vtu::TIME.to_owned() };
-    let time_of = |files: &Vec<PathBuf>| match files.first() {
+    let time_of = |files: &Vec<GridFile>| match files.first() {
         None => Ok(None),
-        Some(first) if is_legacy(first) => legacy::time_of(first),
-        Some(first) => vtu::time_of(first),
+        Some(GridFile { path, .. }) if is_legacy(path) => legacy::time_of(path),
+        Some(GridFile { path, .. }) => vtu::time_of(path),
     };
     timed::open_steps::<GridStep>(steps, &name, time_of, notes)
 }
@@ -44,30 +60,36 @@ pub(super) struct GridStep {
     pieces: Vec<GridPiece>,
 }
 
-/// A piece of a file.
-pub(super) enum GridPiece {
+/// A piece of a file, and the block that the file is.
+pub(super) struct GridPiece {
+    of: OfFile,
+    block: Option<String>,
+}
+
+enum OfFile {
     Xml(VtuPiece),
     Legacy(LegacyFile),
 }
 
 impl StepReader for GridStep {
-    type Origin = Vec<PathBuf>;
+    type Origin = Vec<GridFile>;
     type Piece = GridPiece;
 
-    fn open(paths: &Vec<PathBuf>) -> FileResult<Self> {
-        let Some(first) = paths.first() else {
+    fn open(files: &Vec<GridFile>) -> FileResult<Self> {
+        let Some(first) = files.first() else {
             return Err(FileError::invalid("", "", "there are no files to read"));
         };
-        let mut step = Self { path: first.clone(), bytes: 0, pieces: Vec::new() };
-        for path in paths {
+        let mut step = Self { path: first.path.clone(), bytes: 0, pieces: Vec::new() };
+        for GridFile { path, block } in files {
+            let piece = |of: OfFile| GridPiece { of, block: block.clone() };
             if is_legacy(path) {
                 let file = LegacyFile::open(path)?;
                 step.bytes += file.size();
-                step.pieces.push(GridPiece::Legacy(file));
+                step.pieces.push(piece(OfFile::Legacy(file)));
             } else {
                 let (bytes, pieces) = VtuPiece::all(path)?;
                 step.bytes += bytes;
-                step.pieces.extend(pieces.into_iter().map(GridPiece::Xml));
+                step.pieces.extend(pieces.into_iter().map(OfFile::Xml).map(piece));
             }
         }
         step.pieces.retain(|piece| piece.counts() != (0, 0));
@@ -91,8 +113,8 @@ impl StepReader for GridStep {
 macro_rules! either {
     ($of:expr, $piece:ident => $body:expr) => {
         match $of {
-            GridPiece::Xml($piece) => $body,
-            GridPiece::Legacy($piece) => $body,
+            OfFile::Xml($piece) => $body,
+            OfFile::Legacy($piece) => $body,
         }
     };
 }
@@ -101,35 +123,40 @@ impl Piece for GridPiece {
     type Array = ArrayBytes;
 
     fn path(&self) -> &Path {
-        either!(self, piece => piece.path())
+        either!(&self.of, piece => piece.path())
     }
 
     fn counts(&self) -> (usize, usize) {
-        either!(self, piece => piece.counts())
+        either!(&self.of, piece => piece.counts())
     }
 
     fn add_to(&self, grid: &mut GridReader) -> FileResult<()> {
-        either!(self, piece => piece.add_to(grid))
+        either!(&self.of, piece => piece.add_to(grid))
     }
 
     fn hash_mesh(&self, state: &mut DefaultHasher) -> FileResult<()> {
-        either!(self, piece => piece.hash_mesh(state))
+        either!(&self.of, piece => piece.hash_mesh(state))
     }
 
     fn arrays(&self) -> Vec<FieldInfo> {
-        either!(self, piece => piece.arrays())
+        either!(&self.of, piece => piece.arrays())
+    }
+
+    fn blocks(&self) -> Vec<(BlockName, usize)> {
+        let name = self.block.clone().map(|name| BlockName { name, number: None });
+        name.map(|name| (name, self.counts().1)).into_iter().collect()
     }
 
     fn left_out(&self) -> Vec<String> {
-        either!(self, piece => piece.left_out())
+        either!(&self.of, piece => piece.left_out())
     }
 
     fn decode(&self, array: usize) -> FileResult<ArrayBytes> {
-        either!(self, piece => piece.decode(array))
+        either!(&self.of, piece => piece.decode(array))
     }
 
     fn values<'a>(&'a self, array: &'a ArrayBytes) -> Values<'a> {
-        either!(self, piece => piece.values(array))
+        either!(&self.of, piece => piece.values(array))
     }
 }
 

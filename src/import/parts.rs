@@ -5,7 +5,7 @@
 
 use super::content::Head;
 use super::format::{Format, extension};
-use super::grids::{GridStep, open_steps};
+use super::grids::{GridFile, GridStep, open_steps};
 use super::legacy::is_legacy;
 use super::series::Series;
 use super::xml::{Attributes, same_length_utf8};
@@ -92,7 +92,7 @@ fn kind_of(path: &Path) -> String {
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Parts {
     /// The files of grids, in the order of their names.
-    pub(super) files: Vec<PathBuf>,
+    pub(super) files: Vec<GridFile>,
     /// The files that name them.
     pub(super) lists: Vec<PathBuf>,
     /// What was skipped.
@@ -106,7 +106,7 @@ impl Parts {
     /// If the file cannot be read, names no grid, or one that is missing or outside of its folder.
     pub(super) fn of(path: &Path) -> FileResult<Self> {
         match kind_of(path).as_str() {
-            kind if is_grid(kind) => Ok(Self { files: vec![path.to_owned()], ..Self::default() }),
+            kind if is_grid(kind) => Ok(Self { files: vec![path.to_owned().into()], ..Self::default() }),
             kind if let Some((_, of_type)) = PARALLEL.iter().find(|(parallel, _)| *parallel == kind) => {
                 Self::named(path, of_type, &[("Piece", "Source")])
             }
@@ -120,7 +120,7 @@ impl Parts {
 
     /// All files that are read.
     fn all(self) -> Vec<PathBuf> {
-        [self.files, self.lists].concat()
+        self.files.into_iter().map(|file| file.path).chain(self.lists).collect()
     }
 
     /// The files that elements of an XML file of this type name in an attribute.
@@ -131,17 +131,23 @@ impl Parts {
         let mut parts = Self { lists: vec![path.to_owned()], ..Self::default() };
         let is_of_blocks = kind == BLOCKS;
         let (mut is_of_kind, mut skipped) = (false, 0);
+        let mut names = BlockNames::default();
         loop {
             let byte = reader.buffer_position();
             let invalid = |problem: String| FileError::invalid(path, format!("byte {byte}"), problem);
             match reader.read_event().map_err(|e| invalid(format!("malformed XML: {e}")))? {
-                Event::Start(tag) | Event::Empty(tag) => {
+                event @ (Event::Start(_) | Event::Empty(_)) => {
+                    let is_opened = matches!(event, Event::Start(_));
+                    let (Event::Start(tag) | Event::Empty(tag)) = event else { continue };
                     let (name, attributes) = (tag.name(), Attributes::of(&tag).map_err(invalid)?);
                     if name.as_ref() == "VTKFile" {
                         is_of_kind = attributes.get("type") == Some(kind);
                     }
                     if !is_of_kind {
                         return Err(invalid(format!("this is no VTK file of type {kind}")));
+                    }
+                    if is_of_blocks && matches!(name.as_ref(), "Block" | "DataSet") {
+                        names.enter(&attributes, is_opened);
                     }
                     // A block without a file is empty.
                     let named = elements.iter().find(|(element, _)| *element == name.as_ref());
@@ -152,10 +158,11 @@ impl Parts {
                     }
                     let file = located(path, file).map_err(invalid)?;
                     match kind_of(&file).as_str() {
-                        grid if is_grid(grid) => parts.files.push(file),
+                        grid if is_grid(grid) => parts.files.push(GridFile { path: file, block: names.last.clone() }),
                         parallel if is_of_blocks && PARALLEL.iter().any(|(other, _)| *other == parallel) => {
                             let more = Self::of(&file)?;
-                            parts.files.extend(more.files);
+                            let of_block = |file| GridFile { block: names.last.clone(), ..file };
+                            parts.files.extend(more.files.into_iter().map(of_block));
                             parts.lists.extend(more.lists);
                         }
                         other => {
@@ -166,6 +173,7 @@ impl Parts {
                         }
                     }
                 }
+                Event::End(tag) if matches!(tag.name().as_ref(), "Block" | "DataSet") => names.leave(),
                 Event::End(tag) if tag.name().as_ref() == "VTKFile" => break,
                 Event::Eof => {
                     let problem = if is_of_kind { "the file ends before </VTKFile>" } else { "this is no VTK file" };
@@ -181,6 +189,31 @@ impl Parts {
             parts.notes.push(format!("skipped {skipped} blocks that are surfaces (.vtp)"));
         }
         Ok(parts)
+    }
+}
+
+/// Names of nested blocks.
+#[derive(Default)]
+struct BlockNames {
+    open: Vec<String>,
+    /// The name of the block met last, behind those that it is in.
+    last: Option<String>,
+}
+
+impl BlockNames {
+    /// Enters a block; one without a name has its index.
+    fn enter(&mut self, attributes: &Attributes, is_opened: bool) {
+        let of = |attribute| attributes.get(attribute).map(str::trim).filter(|text| !text.is_empty());
+        let name = of("name").or_else(|| of("index")).unwrap_or("").to_owned();
+        let path = self.open.iter().chain([&name]).map(String::as_str).collect::<Vec<_>>().join("/");
+        self.last = Some(path);
+        if is_opened {
+            self.open.push(name);
+        }
+    }
+
+    fn leave(&mut self) {
+        self.open.pop();
     }
 }
 
@@ -271,7 +304,7 @@ mod tests {
         write("c.pvtu", &pieces("<Piece Source=\"b.vtu\"/>"));
         write(name, text);
         let found = Parts::of(&folder.path().join(name)).map_err(|error| error.to_string())?;
-        let name = |file: &PathBuf| file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let name = |file: &GridFile| file.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         Ok(found.files.iter().map(name).chain(found.notes).collect())
     }
 
@@ -295,6 +328,22 @@ mod tests {
                       <DataSet file=\"c.pvtu\"/><DataSet file=\"s.vtp\"/>";
         let found = parts("x.vtm", &blocks(nested)).expect("valid");
         assert_eq!(found, ["a.vtu", "b.vtu", "skipped 1 blocks that are surfaces (.vtp)"]);
+    }
+
+    #[test]
+    fn blocks_have_the_names_of_those_that_they_are_in() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("x.vtm");
+        ["a.vtu", "b.vtu", "c.vtu", "d.vtu"]
+            .iter()
+            .for_each(|name| fs::write(folder.path().join(name), "").expect("a file"));
+        let nested = "<Block index=\"0\" name=\"heart\"><DataSet index=\"0\" name=\"left\" file=\"a.vtu\"/>\
+                      <DataSet index=\"1\" file=\"b.vtu\"></DataSet></Block>\
+                      <DataSet index=\"4\" name=\"lung\" file=\"c.vtu\"/><Block><Block name=\"b\"><DataSet name=\"x\" file=\"d.vtu\"/></Block></Block>";
+        fs::write(&path, blocks(nested)).expect("a file");
+        let found = Parts::of(&path).expect("valid").files;
+        let names: Vec<_> = found.iter().filter_map(|file| file.block.as_deref()).collect();
+        assert_eq!(names, ["heart/left", "heart/1", "lung", "/b/x"]);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Reader of `.pvd` files: ParaView's list of the files of a series, each with its time.
 
 use super::format::{Format, extension};
-use super::grids::GridStep;
+use super::grids::{GridFile, GridStep};
 use super::parts::{Parts, refused};
 use super::series::Series;
 use super::xml::{Attributes, same_length_utf8};
@@ -19,7 +19,7 @@ pub(super) const FORMAT: Format = Format {
     joins: false,
     recognises: |head| head.is_vtk(&["Collection"]),
     open,
-    files: |path| Ok(read(path)?.0.into_iter().flat_map(|step| [step.parts, step.lists].concat()).collect()),
+    files: |path| Ok(read(path)?.0.into_iter().flat_map(Step::files).collect()),
 };
 
 /// Opens a collection, the only one of `paths`.
@@ -37,9 +37,16 @@ struct Step {
     /// Time in the file's unit.
     time: f64,
     /// The files that make up the mesh and its fields at this time.
-    parts: Vec<PathBuf>,
+    parts: Vec<GridFile>,
     /// Files that name some of them.
     lists: Vec<PathBuf>,
+}
+
+impl Step {
+    /// All files that are read.
+    fn files(self) -> Vec<PathBuf> {
+        self.parts.into_iter().map(|file| file.path).chain(self.lists).collect()
+    }
 }
 
 /// A `DataSet` element.
@@ -215,7 +222,7 @@ mod tests {
     }
 
     fn names(steps: &[Step]) -> Vec<(f64, Vec<String>)> {
-        let name = |file: &PathBuf| file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let name = |file: &GridFile| file.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         steps.iter().map(|step| (step.time, step.parts.iter().map(name).collect())).collect()
     }
 

@@ -228,6 +228,7 @@ impl<S: StepReader> Series<S> {
                 return Err(changed("points move".to_owned()));
             }
             self.moved.note("", step, 1);
+            return Ok(());
         }
         known().insert(stored_hash);
         Ok(())

@@ -114,7 +114,7 @@ impl Piece for Part {
 
     fn blocks(&self) -> Vec<(BlockName, usize)> {
         let of = |block: &Block| (BlockName { name: block.name.clone(), number: block.user_number() }, block.cells);
-        self.database.blocks.iter().map(of).collect()
+        self.database().blocks.iter().map(of).collect()
     }
 
     fn left_out(&self) -> Vec<String> {
