@@ -8,6 +8,9 @@ use std::collections::HashMap;
 use std::hash::DefaultHasher;
 use std::path::Path;
 
+/// More components than any field has.
+pub(super) const COMPONENTS_MAX: u64 = 1 << 16;
+
 /// Name of a block, and its number if the file has one.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct BlockName {

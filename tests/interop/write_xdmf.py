@@ -109,6 +109,67 @@ def dolfinx(name):
     return f'<?xml version="1.0"?>\n<Xdmf Version="3.0" xmlns:xi="https://www.w3.org/2001/XInclude"><Domain>{m}</Domain></Xdmf>\n'
 
 
+def dofs_of(degree, components, seed):
+    """Dofs of each cell of functions CG, or DG of degree 0, numbered at random: component by component, corners first, then edges.
+    Also the dof of each vertex (or cell) and component."""
+    points, tets = mesh()
+    if degree == 0:
+        entities = [[i] for i in range(len(tets))]
+    else:
+        pairs = [(2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1)][: 6 * (degree - 1)]
+        edges = sorted({tuple(sorted((c[a], c[b]))) for c in tets.tolist() for a, b in pairs})
+        number = {edge: len(points) + i for i, edge in enumerate(edges)}
+        entities = [[*c, *(number[tuple(sorted((c[a], c[b])))] for a, b in pairs)] for c in tets.tolist()]
+    count = max(map(max, entities)) + 1
+    numbering = np.random.default_rng(seed).permutation(count * components).reshape(count, components)
+    rows = [[numbering[e, k] for k in range(components) for e in row] for row in entities]
+    return np.array(rows), numbering
+
+
+def checkpoint(name, functions, form="HDF"):
+    """As dolfin's write_checkpoint: a temporal collection for each function, each step with its mesh, dofs and coefficients."""
+    points, tets = mesh()
+    file = h5py.File(FOLDER / f"{name}.h5", "w") if form == "HDF" else None
+
+    def data(path, array, kind):
+        dims = " ".join(map(str, array.shape))
+        if file is None:
+            text = "\n".join(" ".join(map(repr, row)) for row in array.tolist())
+            return f'<DataItem Dimensions="{dims}" NumberType="{kind}" Precision="8" Format="XML">{text}</DataItem>'
+        file[path] = array
+        units = {"T/T_0/vector": "K", "T/T_1/vector": "F", "U/U_0/vector": np.bytes_(b" m/s \0"), "region/region_0/vector": "x" * 65}
+        if path in units:
+            file[path].attrs["units"] = units[path]
+        return f'<DataItem Dimensions="{dims}" NumberType="{kind}" Format="HDF">{name}.h5:/{path}</DataItem>'
+
+    collections = ""
+    for field, family, degree, kind in functions:
+        grids = ""
+        for step, time in enumerate(TIMES):
+            values = np.asarray(dict(zip(["T", "U", "region"], fields(step)))[field], float)
+            values = values.reshape(len(values), -1)
+            rows, numbering = dofs_of(degree, values.shape[1], step)
+            vector = np.full(numbering.size, -1e9)
+            vector[numbering[: len(values)]] = values
+            path = f"{field}/{field}_{step}"
+            starts = np.arange(len(tets) + 1) * rows.shape[1]
+            # As on several processes: the numbers of cells in memory are others than their places.
+            numbers = np.random.default_rng(7).permutation(len(tets))
+            column = lambda a: np.asarray(a).reshape(-1, 1)
+            grids += (
+                f'<Grid Name="{field}_{step}" GridType="Uniform"><Topology NumberOfElements="12" TopologyType="Tetrahedron" NodesPerElement="4">'
+                f'{data(f"{path}/mesh/topology", tets, "UInt")}</Topology><Geometry GeometryType="XYZ">{data(f"{path}/mesh/geometry", points, "Float")}</Geometry>'
+                f'<Time Value="{time!r}" /><Attribute ItemType="FiniteElementFunction" ElementFamily="{family}" ElementDegree="{degree}" '
+                f'ElementCell="tetrahedron" Name="{field}" Center="Other" AttributeType="{kind}">{data(f"{path}/cell_dofs", column(rows), "Int")}'
+                f'{data(f"{path}/vector", column(vector), "Float")}{data(f"{path}/x_cell_dofs", column(starts), "Int")}'
+                f'{data(f"{path}/cells", column(numbers), "Int")}</Attribute></Grid>\n'
+            )
+        collections += f'<Grid GridType="Collection" CollectionType="Temporal" Name="{field}">\n{grids}</Grid>\n'
+    if file:
+        file.close()
+    return f'<?xml version="1.0"?>\n<Xdmf Version="3.0"><Domain>{collections}</Domain></Xdmf>\n'
+
+
 def version2(name):
     """Version 2: one data set for all steps with hyperslabs, times of the collection, big-endian binary coordinates,
     corners counted from 1, a shared DataItem by path."""
@@ -193,6 +254,9 @@ def main():
         h5(FOLDER / f"{name}.h5", "contiguous")
         add(name, text(name), what)
     add("spatial", spatial("spatial"), ["T"])
+    functions = [("T", "CG", 1, "Scalar"), ("U", "CG", 1, "Vector"), ("region", "DG", 0, "Scalar")]
+    add("checkpoint", checkpoint("checkpoint", functions), everything)
+    add("checkpoint_xml", checkpoint("checkpoint_xml", [("U", "CG", 2, "Vector")], "XML"), ["U"])
     os.chdir(FOLDER)
     for form in ["HDF", "XML", "Binary"]:
         name = f"meshio_{form.lower()}"

@@ -14,6 +14,7 @@ mod step;
 mod tests;
 
 use super::format::Format;
+use super::pieces::COMPONENTS_MAX;
 use super::series::Series;
 use super::times::in_order;
 use crate::error::{FileError, FileResult};
@@ -33,9 +34,6 @@ pub(super) const FORMAT: Format = Format {
     open,
     files: |_| Ok(Vec::new()),
 };
-
-/// More components than any field has.
-const COMPONENTS_MAX: u64 = 1 << 16;
 
 /// A file: its mesh and its fields.
 pub(super) struct Contents {

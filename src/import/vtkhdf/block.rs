@@ -1,6 +1,7 @@
 //! What a file has of one grid at all steps: its mesh in lists or as a lattice, and its arrays. Numbers of values are not read.
 
 use super::super::hdf::{Array, Attribute, Hdf};
+use super::super::pieces::COMPONENTS_MAX;
 use super::image::Image;
 use super::lists::Lists;
 use crate::error::{FileError, FileErrorKind, FileResult};
@@ -126,9 +127,6 @@ fn listed(array: &Array) -> Result<(usize, Option<u64>), String> {
         ref shape => Err(format!("has the shape {shape:?}")),
     }
 }
-
-/// More components than any field has.
-pub(super) const COMPONENTS_MAX: u64 = 1 << 16;
 
 /// The times of the group `Steps`; `None` if there is none.
 fn times_of(file: &Hdf, group: &str) -> FileResult<Option<Vec<f64>>> {

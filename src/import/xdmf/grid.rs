@@ -1,6 +1,8 @@
 //! `Grid` elements without nested grids: topology, geometry and attributes.
 
 use super::super::cells::{self, Kind};
+use super::super::pieces::COMPONENTS_MAX;
+use super::function::{Function, is_function};
 use super::items::Item;
 use super::tree::{Document, Id};
 use crate::error::FileResult;
@@ -16,6 +18,8 @@ pub(crate) struct Grid {
     pub(super) attributes: Vec<Attribute>,
     /// Names of attributes that are skipped, with the reason.
     pub(super) left_out: Vec<String>,
+    /// What is read in part, one line each.
+    pub(super) notes: Vec<String>,
 }
 
 /// The cells of a grid.
@@ -52,7 +56,26 @@ pub(super) enum Geometry {
 #[derive(Debug)]
 pub(super) struct Attribute {
     pub(super) field: FieldInfo,
-    pub(super) item: Item,
+    pub(super) stored: Stored,
+}
+
+/// The values of a field.
+#[derive(Debug)]
+pub(super) enum Stored {
+    /// Tuple by tuple.
+    Values(Item),
+    /// By the dofs of cells.
+    Function(Box<Function>),
+}
+
+impl Stored {
+    /// All arrays.
+    pub(super) fn items(&self) -> Vec<&Item> {
+        match self {
+            Self::Values(item) => vec![item],
+            Self::Function(function) => function.items().to_vec(),
+        }
+    }
 }
 
 /// An XDMF cell type: name, number in mixed topologies, number of corners, and VTK type.
@@ -98,7 +121,7 @@ impl Grid {
     /// Reads the grid `id`.
     ///
     /// # Errors
-    /// If it lacks topology or geometry, or these are of an unsupported kind.
+    /// If it lacks topology or geometry, or these are of an unsupported kind; if the arrays of a function contradict each other.
     pub(super) fn of(document: &Arc<Document>, id: Id) -> FileResult<Self> {
         let children = document.children(id)?;
         let one = |name: &str| {
@@ -114,9 +137,14 @@ impl Grid {
             points,
             attributes: Vec::new(),
             left_out: Vec::new(),
+            notes: Vec::new(),
         };
         for &child in children.iter().filter(|&&child| document.name(child) == "Attribute") {
-            grid.add_attribute(document, child);
+            if is_function(document, child) {
+                grid.add_function(document, child)?;
+            } else {
+                grid.add_attribute(document, child);
+            }
         }
         Ok(grid)
     }
@@ -138,9 +166,12 @@ impl Grid {
             let item = Item::of(document, item).map_err(|e| e.problem)?;
             let components =
                 item.len().and_then(|n| usize::try_from(n).ok()).filter(|_| tuples > 0).map(|n| n / tuples);
-            let components = components.filter(|&n| n > 0 && item.len() == n.checked_mul(tuples).map(|n| n as u64));
+            let components = components.filter(|&n| {
+                (1..=COMPONENTS_MAX).contains(&(n as u64)) && item.len() == n.checked_mul(tuples).map(|n| n as u64)
+            });
             let components = components.ok_or_else(|| format!("has {:?} numbers for {tuples} tuples", item.dims))?;
-            Ok(Attribute { field: FieldInfo { name: name.clone(), components, association }, item })
+            let field = FieldInfo { name: name.clone(), components, association };
+            Ok(Attribute { field, stored: Stored::Values(item) })
         };
         match read() {
             Ok(attribute) => self.attributes.push(attribute),

@@ -3,6 +3,7 @@
 //! A *collection* of type `Temporal` is a series; several of them in one file (one for each function, as dolfinx writes)
 //! become one series with the fields of all. Arrays are located when the file is opened; numbers are read step by step.
 
+mod function;
 mod grid;
 mod hdf;
 mod items;
@@ -16,7 +17,7 @@ use crate::error::{FileError, FileResult};
 use crate::field::{SeriesSource, TimeAxis};
 use grid::{Geometry, Grid};
 use items::Item;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use step::XdmfStep;
@@ -95,7 +96,7 @@ fn items_of(grid: &Grid) -> Vec<&Item> {
         Geometry::Together(item, _) => items.push(item),
         Geometry::Apart(all) => items.extend(all.iter()),
     }
-    items.extend(grid.attributes.iter().map(|attribute| &attribute.item));
+    items.extend(grid.attributes.iter().flat_map(|attribute| attribute.stored.items()));
     items
 }
 
@@ -145,7 +146,8 @@ fn single(document: &Arc<Document>, domain: Id, grids: &[Id]) -> FileResult<Coll
         return Err(document.invalid(domain, "has no <Grid>"));
     }
     let steps = vec![step(document, &leaves)?];
-    Ok(Collection { name: String::new(), times: vec![time.unwrap_or(0.0)], steps, notes: Vec::new() })
+    let notes = notes_of(&steps);
+    Ok(Collection { name: String::new(), times: vec![time.unwrap_or(0.0)], steps, notes })
 }
 
 /// A temporal collection, sorted by time.
@@ -180,8 +182,16 @@ fn collection(document: &Arc<Document>, id: Id) -> FileResult<Collection> {
         }
         steps.push(step(document, &leaves)?);
     }
+    notes.extend(notes_of(&steps));
     let name = document.attribute(id, "Name").unwrap_or("").to_owned();
     Ok(Collection { name, times: timed.into_iter().map(|(time, _)| time).collect(), steps, notes })
+}
+
+/// What is read in part of the first step.
+fn notes_of(steps: &[XdmfStep]) -> Vec<String> {
+    let grids = steps.iter().take(1).flat_map(|step| step.grids.iter());
+    let notes: BTreeSet<&String> = grids.flat_map(|grid| &grid.notes).collect();
+    notes.into_iter().cloned().collect()
 }
 
 fn step(document: &Arc<Document>, leaves: &[Id]) -> FileResult<XdmfStep> {

@@ -4,10 +4,10 @@ use super::super::cells::{GridReader, Kind, kind, name_of, refuse_solid};
 use super::super::numbers::{Numbers, Values};
 use super::super::pieces::Piece;
 use super::super::series::StepReader;
-use super::grid::{CELL_TYPES, CellShape, Geometry, Grid, Topology};
+use super::grid::{Attribute, CELL_TYPES, CellShape, CellType, Geometry, Grid, Stored, Topology};
 use super::items::Item;
 use super::tree::Document;
-use crate::error::FileResult;
+use crate::error::{FileError, FileResult};
 use crate::field::FieldInfo;
 use crate::mesh::polyhedron::take_faces;
 use glam::DVec3;
@@ -92,7 +92,11 @@ impl Piece for Grid {
     }
 
     fn decode(&self, array: usize) -> FileResult<Numbers> {
-        self.attributes[array].item.read(&self.document)
+        let Attribute { field, stored } = &self.attributes[array];
+        match stored {
+            Stored::Values(item) => item.read(&self.document),
+            Stored::Function(function) => function.read(self, field.association),
+        }
     }
 
     fn values<'a>(&'a self, array: &'a Numbers) -> Values<'a> {
@@ -121,35 +125,62 @@ impl Grid {
 
     fn add_cells(&self, reader: &mut GridReader, first_point: usize) -> FileResult<()> {
         let topology = &self.topology;
-        let of_type = match topology.shape {
+        match topology.shape {
             CellShape::Same(vtk) if kind(vtk) == Kind::Flat => {
                 reader.skip(vtk, topology.cells);
                 return Ok(());
             }
             _ if topology.cells == 0 => return Ok(()),
-            CellShape::Same(vtk) => CELL_TYPES.iter().find(|known| known.vtk == vtk),
-            CellShape::Mixed => None,
-        };
-        let lacks = || self.document.invalid(topology.id, "has no corners of its cells");
-        let item = topology.connectivity.as_ref().ok_or_else(lacks)?;
-        let invalid = |problem: String| self.document.invalid(item.id, problem);
-        let mut corners = item.read(&self.document)?.values().to_indices().map_err(|i| {
-            invalid(format!("number {i} is negative or no integer")).remedy("corners of cells are whole numbers")
-        })?;
-        let Some(of_type) = of_type else {
-            return self.add_mixed(reader, &corners, first_point);
-        };
-        let needed = of_type.corners as u64 * topology.cells as u64;
-        if corners.len() as u64 != needed {
-            let (got, cells, name) = (corners.len(), topology.cells, name_of(of_type.vtk));
-            return Err(invalid(format!("has {got} corners, but {cells} cells of type {name} need {needed}")));
+            CellShape::Mixed => {
+                let list = self.list_of_corners()?;
+                return self.add_mixed(reader, &list, first_point);
+            }
+            CellShape::Same(_) => {}
         }
-        self.rebase(topology, &mut corners)?;
+        let (corners, of_type) = self.corners()?;
         let read = (of_type.vtk, kind(of_type.vtk));
         for (cell, vertices) in corners.chunks_exact(of_type.corners).enumerate() {
-            reader.push(cell, read, vertices, self.points, first_point).map_err(invalid)?;
+            let pushed = reader.push(cell, read, vertices, self.points, first_point);
+            pushed.map_err(|problem| self.invalid_corners(problem))?;
         }
         Ok(())
+    }
+
+    /// An error about the corners of cells.
+    fn invalid_corners(&self, problem: String) -> FileError {
+        let topology = &self.topology;
+        self.document.invalid(topology.connectivity.as_ref().map_or(topology.id, |item| item.id), problem)
+    }
+
+    /// The numbers that the topology lists.
+    fn list_of_corners(&self) -> FileResult<Vec<u64>> {
+        let lacks = || self.document.invalid(self.topology.id, "has no corners of its cells");
+        let item = self.topology.connectivity.as_ref().ok_or_else(lacks)?;
+        item.read(&self.document)?.values().to_indices().map_err(|i| {
+            let error = self.invalid_corners(format!("number {i} is negative or no integer"));
+            error.remedy("corners of cells are whole numbers")
+        })
+    }
+
+    /// The corners of all cells, from 0 on, where all are of one type, and that type. They may be beyond the points.
+    ///
+    /// # Errors
+    /// If there are none, or more or fewer than the cells have.
+    pub(super) fn corners(&self) -> FileResult<(Vec<u64>, &'static CellType)> {
+        let topology = &self.topology;
+        let is_it = |known: &&CellType| topology.shape == CellShape::Same(known.vtk);
+        let mixed = || self.document.invalid(topology.id, "has cells of several types");
+        let of_type = CELL_TYPES.iter().find(is_it).ok_or_else(mixed)?;
+        let mut corners = self.list_of_corners()?;
+        let needed = (of_type.corners as u64).checked_mul(topology.cells as u64);
+        if needed != Some(corners.len() as u64) {
+            let (got, cells, name) = (corners.len(), topology.cells, name_of(of_type.vtk));
+            let needed = needed.map_or("more".to_owned(), |needed| needed.to_string());
+            let problem = format!("has {got} corners, but {cells} cells of type {name} need {needed}");
+            return Err(self.invalid_corners(problem));
+        }
+        self.rebase(topology, &mut corners)?;
+        Ok((corners, of_type))
     }
 
     /// Adds the cells of a mixed topology: a list of type, number of corners where the type leaves it open, corners.

@@ -354,6 +354,7 @@ fn xdmf_and_pvd(to: &Path) {
         ("dolfinx", &["dolfinx.h5"]),
         ("version2", &["version2.h5", "version2.bin"]),
         ("gzip_f32", &["gzip_f32.h5"]),
+        ("checkpoint_xml", &[]),
         ("meshio_xml", &[]),
         ("spatial", &[]),
     ] {

@@ -51,7 +51,7 @@ fn assert_is_the_series(name: &str, source: &dyn SeriesSource, expected: &Value,
 fn every_dialect_of_xdmf_is_read_exactly() {
     let expected = expected();
     let files = expected["files"].as_object().unwrap();
-    assert_eq!(files.len(), 11);
+    assert_eq!(files.len(), 13);
     for (name, what) in files {
         let source = import::open(&folder().join(format!("{name}.xdmf"))).unwrap_or_else(|e| panic!("{name}: {e}"));
         let width = if what["f32"] == true { "f32" } else { "f64" };
@@ -70,7 +70,11 @@ fn cells_without_volume_and_attributes_that_are_not_read_are_noted() {
     let numbers: Vec<u64> = [1, 2, 3, 4, 5, 6, 0, 1, 2, 3, 4, 5].map(|v: u8| plain(f32::from(v))).to_vec();
     assert_eq!(read(&*spatial, "number", 1), numbers);
     let dolfin = import::open(&folder().join("dolfin.xdmf")).unwrap();
-    assert!(dolfin.notes().iter().any(|note| note.contains("'c' (is of Center Other)")), "{:?}", dolfin.notes());
+    let notes = dolfin.notes().join("\n");
+    assert!(notes.contains("'c' (is a function of elements 'CG' of degree '' on cells ''"), "{notes}");
+    let quadratic = import::open(&folder().join("checkpoint_xml.xdmf")).unwrap();
+    let notes = quadratic.notes().join("\n");
+    assert!(notes.contains("field 'U' is of degree 2: its values at corners"), "{notes}");
 }
 
 #[test]
@@ -93,6 +97,25 @@ fn files_for_one_field_each_become_one_series() {
     assert!(refusal(import::open_many(&paths)).contains("another mesh"));
     let mixed = [paths[0].clone(), dir.path().join("a.vtu")];
     assert!(refusal(import::open_many(&mixed)).contains("one kind"));
+}
+
+#[test]
+fn checkpoints_that_contradict_themselves_are_errors_with_file_and_place() {
+    for (from, to, parts) in [
+        ("h5:/T/T_1/vector", "h5:/T/T_1/cells", &["T_1", "has the shape [12, 1]"][..]),
+        ("h5:/T/T_1/cell_dofs", "h5:/U/U_1/cells", &["checkpoint.h5", "/U/U_1/cells"]),
+        ("\"48 1\"", "\"47 1\"", &["checkpoint.xdmf: <DataItem> at byte", "47 dofs"]),
+        ("\"13 1\"", "\"12 1\"", &["checkpoint.xdmf: <DataItem> at byte", "has [12, 1] numbers"]),
+        ("/T/T_1/x_cell_dofs", "/T/T_1/x_cell_dof", &["checkpoint.h5", "x_cell_dof", "does not exist"]),
+    ] {
+        let dir = copied(&["checkpoint.xdmf", "checkpoint.h5"]);
+        let path = dir.path().join("checkpoint.xdmf");
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(text.contains(from), "{from}");
+        fs::write(&path, text.replacen(from, to, 1)).unwrap();
+        let error = refusal(read_all(&path));
+        assert!(parts.iter().all(|part| error.contains(part)), "{from} -> {to}: {error}");
+    }
 }
 
 fn copied(names: &[&str]) -> tempfile::TempDir {
@@ -191,7 +214,7 @@ fn with_h5(name: &str, change: impl FnOnce(&mut Vec<u8>)) -> FileResult<()> {
 
 #[test]
 fn a_cut_hdf5_file_is_an_error_that_names_it() {
-    for name in ["contiguous_f64", "gzip_f32", "plain_be", "latest_f32"] {
+    for name in ["contiguous_f64", "gzip_f32", "plain_be", "latest_f32", "checkpoint"] {
         let length = fs::metadata(folder().join(format!("{name}.h5"))).unwrap().len() as usize;
         for cut in [0, 7, 100, length / 4, length / 2] {
             assert!(with_h5(name, |bytes| bytes.truncate(cut)).is_err(), "{name} cut at {cut} of {length}");
