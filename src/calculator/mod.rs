@@ -268,6 +268,10 @@ impl SeriesSource for Calculated {
         self.source.blocks()
     }
 
+    fn unit(&self, field: &FieldInfo) -> Option<String> {
+        self.source.unit(field)
+    }
+
     fn cell_number(&self, cell: u32) -> u32 {
         self.source.cell_number(cell)
     }

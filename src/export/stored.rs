@@ -160,6 +160,11 @@ impl SeriesSource for StoredSeries<'_> {
         &self.fields
     }
 
+    fn unit(&self, field: &FieldInfo) -> Option<String> {
+        let readers = self.readers.get(self.fields.iter().position(|known| known == field)?)?;
+        readers.first()?.info().units.clone()
+    }
+
     fn mesh(&self) -> FileResult<RawMesh> {
         Ok(self.mesh.clone())
     }

@@ -117,6 +117,10 @@ pub trait SeriesSource: Sync {
     fn times(&self) -> &TimeAxis;
     /// Fields of the first step.
     fn fields(&self) -> &[FieldInfo];
+    /// The unit of a field's values, as the source says it.
+    fn unit(&self, _field: &FieldInfo) -> Option<String> {
+        None
+    }
     /// The mesh, the same for all steps.
     fn mesh(&self) -> FileResult<RawMesh>;
     /// The number of a cell of [`Self::mesh`] in the files, where other cells may come before it or be left out.

@@ -60,6 +60,10 @@ impl SeriesSource for Chosen {
         self.source.fields()
     }
 
+    fn unit(&self, field: &FieldInfo) -> Option<String> {
+        self.source.unit(field)
+    }
+
     fn mesh(&self) -> FileResult<RawMesh> {
         let RawMesh { points, cells } = self.source.mesh()?;
         Ok(RawMesh { points, cells: cells.gathered(&self.kept) })

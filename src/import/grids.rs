@@ -151,6 +151,10 @@ impl Piece for GridPiece {
         either!(&self.of, piece => piece.left_out())
     }
 
+    fn unit(&self, array: usize) -> Option<String> {
+        either!(&self.of, piece => piece.unit(array))
+    }
+
     fn decode(&self, array: usize) -> FileResult<ArrayBytes> {
         either!(&self.of, piece => piece.decode(array))
     }

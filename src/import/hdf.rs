@@ -4,6 +4,7 @@
 //! set ([`Hdf::open`]), or read without that cache ([`Hdf::open_uncached`]).
 
 use super::numbers::{Number, Numbers, with_type};
+use super::units::{self, unit_of};
 use crate::error::{FileError, FileResult};
 use crate::files;
 use hdf5_reader::error::ByteOrder;
@@ -140,6 +141,13 @@ impl Hdf {
         let (number, big_endian) =
             number_of(&attribute.datatype).map_err(|problem| FileError::unsupported(&self.path, place, problem))?;
         Ok(Some(Attribute::Numbers(Numbers { number, big_endian, bytes: attribute.raw_data })))
+    }
+
+    /// The unit of a data set, as an attribute of it says it.
+    pub(super) fn unit(&self, name: &str) -> Option<String> {
+        let dataset = self.file.dataset(name).ok()?;
+        let text = |attribute: &str| dataset.attribute(attribute).ok()?.read_string().ok();
+        units::ATTRIBUTES.into_iter().filter_map(text).find_map(|text| unit_of(&text))
     }
 
     /// Whether a group names what is in another file, as far as it lists its links itself.

@@ -84,6 +84,10 @@ impl SeriesSource for Joined {
         &self.fields
     }
 
+    fn unit(&self, field: &FieldInfo) -> Option<String> {
+        self.owner(field).ok()?.unit(field)
+    }
+
     fn cell_number(&self, cell: u32) -> u32 {
         self.sources.first().map_or(cell, |first| first.cell_number(cell))
     }

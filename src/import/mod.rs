@@ -47,6 +47,7 @@ mod tally;
 mod timed;
 mod times;
 mod tuples;
+mod units;
 mod vtkhdf;
 mod vtu;
 mod xdmf;

@@ -46,6 +46,10 @@ pub(super) trait Piece: Send + Sync {
     fn left_out(&self) -> Vec<String> {
         Vec::new()
     }
+    /// The unit of an array, if the file says it.
+    fn unit(&self, _array: usize) -> Option<String> {
+        None
+    }
     /// Reads an array with all its components.
     fn decode(&self, array: usize) -> FileResult<Self::Array>;
     /// The numbers of a decoded array.
@@ -79,6 +83,15 @@ pub(super) fn fields_of(pieces: &[impl Piece]) -> (Vec<FieldInfo>, Vec<String>) 
     left_out.extend(others.iter().map(|field| format!("'{}' (not the same in all pieces)", field.name)));
     fields.sort_by_key(|field| field.association == Association::Cell);
     (fields, left_out)
+}
+
+/// The units of fields that all pieces have, as the first piece says them.
+pub(super) fn units_of(pieces: &[impl Piece], fields: &[FieldInfo]) -> Vec<Option<String>> {
+    let mut places = HashMap::new();
+    for (array, field) in pieces.first().map(Piece::arrays).unwrap_or_default().into_iter().enumerate() {
+        places.entry(field).or_insert(array);
+    }
+    fields.iter().map(|field| pieces.first()?.unit(*places.get(field)?)).collect()
 }
 
 /// Reads a field of a piece; `None` if the piece has no such array. `step` is for messages.

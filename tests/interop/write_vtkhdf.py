@@ -84,6 +84,7 @@ def write():
         values(group, 8, 1, 1)
         group["FieldData/TimeValue"] = [7.5]
         group["CellData/is_solid"] = np.array([True])
+        group["PointData/T"].attrs["Units"] = "°C"
     with create("moving.vtkhdf") as file:
         group = root(file, "UnstructuredGrid")
         grid(group, [PARTS[1], (CUBE * 2, HEXAHEDRON)])

@@ -7,6 +7,8 @@ pub(super) struct Variable {
     /// The number of its type, as the format has it.
     code: u32,
     pub(super) element_type: &'static str,
+    /// Another attribute of text: name and value.
+    pub(super) attribute: Option<(&'static str, &'static str)>,
     /// All its bytes; those of a step one behind the other if the first dimension is that of steps.
     pub(super) bytes: Vec<u8>,
 }
@@ -35,7 +37,7 @@ impl Classic {
 
     pub(super) fn put(&mut self, name: &str, dimensions: &[usize], code: u32, bytes: Vec<u8>) -> &mut Variable {
         let (name, dimensions) = (name.to_owned(), dimensions.to_vec());
-        self.variables.push(Variable { name, dimensions, code, element_type: "", bytes });
+        self.variables.push(Variable { name, dimensions, code, element_type: "", attribute: None, bytes });
         self.variables.last_mut().unwrap()
     }
 
@@ -88,11 +90,13 @@ impl Classic {
             self.text(&mut out, &variable.name);
             self.count(&mut out, variable.dimensions.len());
             variable.dimensions.iter().for_each(|&dimension| self.count(&mut out, dimension));
-            self.tag(&mut out, 12, usize::from(!variable.element_type.is_empty()));
-            if !variable.element_type.is_empty() {
-                self.text(&mut out, "elem_type");
+            let element_type = Some(("elem_type", variable.element_type)).filter(|(_, value)| !value.is_empty());
+            let attributes: Vec<_> = element_type.into_iter().chain(variable.attribute).collect();
+            self.tag(&mut out, 12, attributes.len());
+            for (name, value) in attributes {
+                self.text(&mut out, name);
                 out.extend(CHAR.to_be_bytes());
-                self.text(&mut out, variable.element_type);
+                self.text(&mut out, value);
             }
             out.extend(variable.code.to_be_bytes());
             self.count(&mut out, 0);

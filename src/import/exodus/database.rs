@@ -1,5 +1,6 @@
 //! What a file holds: blocks of elements, times, and the arrays that its variables make up.
 
+use super::super::units::{self, unit_of};
 use super::blocks::Block;
 use super::netcdf::NetCdf;
 use super::vectors::{Components, joined};
@@ -91,6 +92,27 @@ impl Database {
         self.elements.contains(&(variable, block.number))
     }
 
+    /// The unit of an array, if the variables of all its components have the same.
+    pub(super) fn unit(&self, array: &Array) -> Option<String> {
+        let of_variable = |name: &str| {
+            let text = |attribute: &str| self.netcdf.text(name, attribute);
+            units::ATTRIBUTES.into_iter().filter_map(text).find_map(|text| unit_of(&text))
+        };
+        // Blocks may lack a variable.
+        let of_elements = |&variable: &usize| {
+            let mut having = self.blocks.iter().filter(|block| self.has(variable, block));
+            having.find_map(|block| of_variable(&element_name(variable, block)))
+        };
+        let mut units: Vec<Option<String>> = match &array.source {
+            Source::Blocks | Source::Nothing => Vec::new(),
+            Source::Nodes(numbers) => numbers.iter().map(|number| of_variable(&node_name(*number))).collect(),
+            Source::NodesTogether(_) => vec![of_variable("vals_nod_var")],
+            Source::Elements(variables) => variables.iter().map(of_elements).collect(),
+        };
+        units.dedup();
+        if let [unit] = &mut units[..] { unit.take() } else { None }
+    }
+
     fn add_node_arrays(&mut self) -> FileResult<()> {
         let names = self.netcdf.strings("name_nod_var")?;
         let together = self.netcdf.shape("vals_nod_var").map(|shape| shape.get(1).copied().unwrap_or(0));
@@ -98,9 +120,7 @@ impl Database {
             let numbers: Vec<usize> = members.iter().map(|member| member + 1).collect();
             let source = match together {
                 Some(count) if members.iter().all(|&member| (member as u64) < count) => Source::NodesTogether(members),
-                None if numbers.iter().all(|n| self.netcdf.shape(&format!("vals_nod_var{n}")).is_some()) => {
-                    Source::Nodes(numbers)
-                }
+                None if numbers.iter().all(|&n| self.netcdf.shape(&node_name(n)).is_some()) => Source::Nodes(numbers),
                 _ => {
                     self.left_out.push(format!("'{name}' (has no values)"));
                     continue;
@@ -165,6 +185,11 @@ fn numbers_of(source: &Source) -> usize {
         Source::Nothing | Source::Blocks => 1,
         Source::Nodes(numbers) | Source::NodesTogether(numbers) | Source::Elements(numbers) => numbers.len(),
     }
+}
+
+/// The name of the variable of a component at nodes.
+pub(super) fn node_name(number: usize) -> String {
+    format!("vals_nod_var{number}")
 }
 
 /// The name of the variable of a block's elements.

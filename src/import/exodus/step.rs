@@ -6,7 +6,7 @@ use super::super::pieces::{BlockName, Piece};
 use super::super::series::StepReader;
 use super::super::tuples::Tuples;
 use super::blocks::Block;
-use super::database::{Database, Source, element_name};
+use super::database::{Database, Source, element_name, node_name};
 use super::faces::FaceBlocks;
 use super::whole::Whole;
 use crate::error::{FileError, FileResult};
@@ -121,6 +121,10 @@ impl Piece for Part {
         self.database().left_out.clone()
     }
 
+    fn unit(&self, array: usize) -> Option<String> {
+        self.database().unit(self.database().arrays.get(array)?)
+    }
+
     fn decode(&self, array: usize) -> FileResult<Numbers> {
         let no_array = || FileError::invalid(self.path(), "", "has no such array");
         let array = self.database().arrays.get(array).ok_or_else(no_array)?;
@@ -133,7 +137,7 @@ impl Piece for Part {
                 Ok(out.numbers)
             }
             Source::Nodes(numbers) => {
-                let names: Vec<String> = numbers.iter().map(|number| format!("vals_nod_var{number}")).collect();
+                let names: Vec<String> = numbers.iter().map(|&number| node_name(number)).collect();
                 self.nodes(names.iter().map(|name| (name.as_str(), None)))
             }
             Source::NodesTogether(places) => {

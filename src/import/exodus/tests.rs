@@ -50,6 +50,29 @@ fn example(version: u8) -> Classic {
     file
 }
 
+#[test]
+fn units_are_attributes_of_the_variables_of_all_components() {
+    let mut file = example(1);
+    for (name, attribute) in [
+        ("vals_nod_var1", ("units", "m/s")),
+        ("vals_nod_var2", ("Units", " m/s ")),
+        ("vals_nod_var3", ("units", "")),
+        ("vals_nod_var4", ("unit", "m/s")),
+        ("vals_elem_var1eb3", ("units", "Pa\0")),
+        ("vals_elem_var2eb3", ("long_name", "Pa")),
+    ] {
+        file.variables.iter_mut().find(|variable| variable.name == name).unwrap().attribute = Some(attribute);
+    }
+    let units = |file: &Classic| {
+        let source = open_bytes(&file.bytes()).source.expect("is read");
+        let unit = |field: &FieldInfo| source.unit(field).map(|unit| format!("{}={unit}", field.name));
+        source.fields().iter().filter_map(unit).collect::<Vec<_>>()
+    };
+    assert_eq!(units(&file), ["u=m/s", "p=Pa"]);
+    file.variables.iter_mut().find(|variable| variable.name == "vals_nod_var4").unwrap().attribute = None;
+    assert_eq!(units(&file), ["p=Pa"], "a component has another unit, or none");
+}
+
 struct Opened {
     _folder: tempfile::TempDir,
     source: FileResult<Box<dyn SeriesSource>>,

@@ -136,6 +136,10 @@ impl Piece for Part {
         self.block.left_out.clone()
     }
 
+    fn unit(&self, array: usize) -> Option<String> {
+        self.file.unit(&self.block.arrays.get(array)?.name)
+    }
+
     fn decode(&self, array: usize) -> FileResult<Numbers> {
         let found = self.block.arrays.get(array);
         let found = found.ok_or_else(|| FileError::invalid(self.path(), "", "has no such array"))?;

@@ -62,6 +62,8 @@ fn a_step_alone_has_the_time_of_its_field_data_and_booleans_are_numbers() {
     with(SINGLE, |source| {
         assert_eq!((source.times().values.as_slice(), source.mesh()?.cells.len()), (&[7.5][..], 1));
         assert_eq!((read(source, "is_solid", 0, 0)?, read(source, "T", 0, 0)?), (vec![1.0], from(0, 8)));
+        let units: Vec<_> = source.fields().iter().map(|field| source.unit(field)).collect();
+        assert_eq!(units, [Some("°C".to_owned()), None, None]);
         Ok(())
     })
     .expect("is read");

@@ -4,6 +4,7 @@ use super::super::numbers::Number;
 use super::super::xml::{Attributes, same_length_utf8};
 use super::compression::Compressor;
 use super::faces::FACE_ARRAYS;
+use super::open_array::OpenArray;
 use super::structured::Structure;
 use crate::error::{FileError, FileResult};
 use crate::import::lattice::Lattice;
@@ -76,6 +77,8 @@ pub(crate) struct ArrayInfo {
     /// Numbers per tuple, at least 1.
     pub(crate) components: usize,
     pub(crate) data: DataPlace,
+    /// Unit of its numbers.
+    pub(crate) unit: Option<String>,
     /// Byte offset of its tag.
     pub(crate) byte: usize,
 }
@@ -132,14 +135,6 @@ fn xml_end(bytes: &[u8]) -> usize {
     bytes.len()
 }
 
-/// The array whose element is open, and whether it is kept.
-struct OpenArray {
-    info: ArrayInfo,
-    tuples: usize,
-    /// Number of open elements outside of it; only its direct text counts.
-    depth: usize,
-}
-
 struct Parser<'a> {
     path: &'a Path,
     header: Header,
@@ -166,15 +161,25 @@ impl Parser<'_> {
                         break;
                     }
                     self.begin_element(&tag, begin)?;
+                    if let Some(array) = self.inside() {
+                        array.begin(&tag, end);
+                    }
                     self.open.push(tag.name().as_ref().to_owned());
                 }
                 Event::Empty(tag) => {
                     self.begin_element(&tag, begin)?;
                     self.end_array_at(self.open.len());
                 }
-                Event::Text(_) => self.text(begin..end, bytes),
+                Event::Text(_) => {
+                    if let Some(array) = self.inside() {
+                        array.text(begin..end, bytes);
+                    }
+                }
                 Event::End(_) => {
                     self.open.pop();
+                    if let Some(array) = self.inside() {
+                        array.end(begin, text);
+                    }
                     self.end_array_at(self.open.len());
                     if self.open.is_empty() {
                         break;
@@ -318,24 +323,21 @@ impl Parser<'_> {
         let default_components = if parent == "Points" { 3 } else { 1 };
         let components = count("NumberOfComponents")?.unwrap_or(default_components).max(1);
         let tuples = count("NumberOfTuples")?.unwrap_or(1);
-        let info = ArrayInfo { name, number, components, data, byte };
-        self.array = Some(OpenArray { info, tuples, depth: self.open.len() });
+        let info = ArrayInfo { name, number, components, data, unit: None, byte };
+        self.array = Some(OpenArray::new(info, tuples, self.open.len()));
         Ok(())
+    }
+
+    /// The open array, where no other element is open inside of it.
+    fn inside(&mut self) -> Option<&mut OpenArray> {
+        let depth = self.open.len();
+        self.array.as_mut().filter(|array| array.depth + 1 == depth)
     }
 
     /// Notes an array that is not numeric, if it belongs to the points or cells.
     fn skip_array(&mut self, name: String) {
         if self.open.last().is_some_and(|parent| matches!(parent.as_str(), "PointData" | "CellData")) {
             self.header.skipped.push(name);
-        }
-    }
-
-    fn text(&mut self, range: Range<usize>, bytes: &[u8]) {
-        let depth = self.open.len();
-        let Some(array) = self.array.as_mut().filter(|array| array.depth + 1 == depth) else { return };
-        let blank = bytes[range.clone()].iter().all(u8::is_ascii_whitespace);
-        if let (false, DataPlace::Ascii(ranges) | DataPlace::Base64(ranges)) = (blank, &mut array.info.data) {
-            ranges.push(range);
         }
     }
 
@@ -389,7 +391,9 @@ mod tests {
     fn only_text_directly_inside_an_array_is_its_data() {
         let text = r#"<VTKFile type="UnstructuredGrid"><UnstructuredGrid><Piece NumberOfPoints=" 1 " NumberOfCells="0">
             <PointData><DataArray type="Float32" Name="a<b&c>d" format="ascii">
-              1.5 <InformationKey name="K"><Value> 7 </Value></InformationKey> <!-- 8 --> </DataArray>
+              1.5 <InformationKey name="K"><Value> 7 </Value></InformationKey> <!-- 8 -->
+              <InformationKey name="UNITS_LABEL" location="vtkDataArray">
+                m&lt;s°</InformationKey></DataArray>
               <Array type="String" Name="label"> 97 0 </Array><DataArray type="Bit" Name="bits"> 1 </DataArray>
               </PointData></Piece></UnstructuredGrid></VTKFile>"#;
         let header = parse_text(text).expect("a valid header");
@@ -398,6 +402,7 @@ mod tests {
         let DataPlace::Ascii(ranges) = &array.data else { panic!("{array:?}") };
         let data: Vec<_> = ranges.iter().map(|r| text[r.clone()].trim()).collect();
         assert_eq!(data, ["1.5"]);
+        assert_eq!(array.unit.as_deref(), Some("m<s°"));
         assert_eq!(header.skipped, ["label", "bits"]);
         assert_eq!((header.words.size, header.words.big_endian), (4, false));
     }

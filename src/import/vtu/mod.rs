@@ -6,6 +6,7 @@ mod encoded;
 mod faces;
 mod header;
 mod open;
+mod open_array;
 mod piece;
 mod structured;
 

@@ -76,6 +76,10 @@ impl Piece for VtuPiece {
         self.file.header.skipped.iter().map(|name| format!("'{name}' (holds no numbers)")).collect()
     }
 
+    fn unit(&self, array: usize) -> Option<String> {
+        self.infos().nth(array)?.1.unit.clone()
+    }
+
     fn decode(&self, array: usize) -> FileResult<ArrayBytes> {
         let (points, cells) = self.counts();
         let found = self.infos().nth(array);

@@ -69,6 +69,14 @@ pub(super) enum Stored {
 }
 
 impl Stored {
+    /// The array with the values.
+    pub(super) fn values(&self) -> &Item {
+        match self {
+            Self::Values(item) => item,
+            Self::Function(function) => &function.coefficients,
+        }
+    }
+
     /// All arrays.
     pub(super) fn items(&self) -> Vec<&Item> {
         match self {

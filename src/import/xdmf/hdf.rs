@@ -24,6 +24,11 @@ pub(super) fn read(path: &Path, name: &str, dims: &[u64], slab: Option<&[SlabAxi
     array.read()
 }
 
+/// The unit of the data set `name`, if it says one.
+pub(super) fn unit(path: &Path, name: &str) -> Option<String> {
+    Hdf::open(path, String::new, "").ok()?.unit(name)
+}
+
 /// Whether two shapes hold the same numbers in the same order.
 fn is_same_shape(a: &[u64], b: &[u64]) -> bool {
     let real = |shape: &[u64]| shape.iter().copied().filter(|&d| d != 1).collect::<Vec<_>>();

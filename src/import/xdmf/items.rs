@@ -158,6 +158,14 @@ impl Item {
         }
     }
 
+    /// The unit of the numbers, if they are in HDF5 and their data set says one.
+    pub(super) fn unit(&self) -> Option<String> {
+        match &self.source {
+            Source::Hdf { file, dataset } => hdf::unit(file, dataset),
+            Source::Inline(_) | Source::Binary { .. } => None,
+        }
+    }
+
     /// Reads the numbers: [`Item::len`] of them.
     ///
     /// # Errors

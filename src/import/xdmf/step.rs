@@ -91,6 +91,10 @@ impl Piece for Grid {
         self.left_out.clone()
     }
 
+    fn unit(&self, array: usize) -> Option<String> {
+        self.attributes.get(array)?.stored.values().unit()
+    }
+
     fn decode(&self, array: usize) -> FileResult<Numbers> {
         let Attribute { field, stored } = &self.attributes[array];
         match stored {

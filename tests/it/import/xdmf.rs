@@ -78,6 +78,14 @@ fn cells_without_volume_and_attributes_that_are_not_read_are_noted() {
 }
 
 #[test]
+fn units_are_attributes_of_data_sets_of_the_first_step() {
+    let source = import::open(&folder().join("checkpoint.xdmf")).unwrap();
+    let units: Vec<_> = source.fields().iter().map(|field| (field.name.as_str(), source.unit(field))).collect();
+    let [kelvin, speed] = ["K", "m/s"].map(|unit| Some(unit.to_owned()));
+    assert_eq!(units, [("T", kelvin), ("U", speed), ("region", None)], "65 letters are no unit");
+}
+
+#[test]
 fn files_for_one_field_each_become_one_series() {
     let dir = copied(&["gzip_f32.xdmf", "gzip_f32.h5"]);
     let text = fs::read_to_string(dir.path().join("gzip_f32.xdmf")).unwrap();
