@@ -46,8 +46,8 @@ pub(super) struct Args {
     /// and pi; names with other characters in double quotes (again for more)
     #[arg(long = "define", value_name = "NAME = EXPRESSION")]
     pub(super) definitions: Vec<Definition>,
-    /// Unit of a field, shown by info and on legends; that of a vector is also that of its components and magnitude
-    /// (again for more)
+    /// Unit of a field, shown by info and on legends, if it is not the one that the files say; that of a vector is also that of its
+    /// components and magnitude (again for more)
     #[arg(long, value_name = "FIELD=UNIT")]
     pub(super) units: Vec<FieldUnits>,
     /// Steps A..B:S, zero-based, both ends included

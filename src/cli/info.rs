@@ -43,8 +43,17 @@ struct SourceInfo {
     source: String,
     mesh: SourceMesh,
     time: TimeInfo,
-    fields: Vec<FieldInfo>,
+    fields: Vec<SourceField>,
     notes: Vec<String>,
+}
+
+/// A field, and its unit where the files say it.
+#[derive(Serialize)]
+struct SourceField {
+    #[serde(flatten)]
+    info: FieldInfo,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    units: Option<String>,
 }
 
 /// The mesh of the first step as it is in the files; cells without volume are left out.
@@ -80,6 +89,7 @@ impl SourceInfo {
         });
         let times = &series.times().values;
         let [first, last] = [times.first(), times.last()].map(|time| time.copied().unwrap_or_default());
+        let field = |info: &FieldInfo| SourceField { info: info.clone(), units: series.unit(info) };
         Ok(Self {
             source: series.describe(),
             mesh: SourceMesh {
@@ -90,7 +100,7 @@ impl SourceInfo {
                 blocks,
             },
             time: TimeInfo { steps: times.len(), first, last },
-            fields: series.fields().to_vec(),
+            fields: series.fields().iter().map(field).collect(),
             notes: series.notes(),
         })
     }
@@ -109,10 +119,11 @@ impl fmt::Display for SourceInfo {
         }
         let [first, last] = [self.time.first, self.time.last].map(Short);
         writeln!(f, "time     {} steps, {first} to {last}", self.time.steps)?;
-        for FieldInfo { name, components, association } in &self.fields {
+        for SourceField { info: FieldInfo { name, components, association }, units } in &self.fields {
             let of = if *association == Association::Cell { "cells" } else { "points" };
             let count = if *components == 1 { String::new() } else { format!(", {components} components") };
-            writeln!(f, "field    {name} (of {of}{count})")?;
+            let units = units.as_ref().map_or(String::new(), |units| format!(", {units}"));
+            writeln!(f, "field    {name} (of {of}{count}{units})")?;
         }
         for note in &self.notes {
             writeln!(f, "note     {note}")?;

@@ -264,7 +264,8 @@ fn check_codec(store: &Store, asked: Option<&CodecChoice>) -> FileResult<()> {
 /// The source fields to read for the fields of the store, and no others.
 fn fields_of(source: &dyn SeriesSource, store: &Store, options: &AppendOptions) -> FileResult<Vec<PlannedField>> {
     let invalid = |problem: String| FileError::invalid(source.describe(), "fields", problem);
-    let plan = |selectors: &[FieldSelector], units: &[FieldUnits]| plan::plan(source.fields(), selectors, units);
+    // The store has its units already: those of the source do not count.
+    let plan = |selectors: &[FieldSelector], units: &[FieldUnits]| plan::plan(source.fields(), selectors, units, &[]);
     let stored = |name: &str| store.fields().iter().find(|f| f.name == name);
     let names = || store.fields().iter().map(|f| f.name.as_str()).collect::<Vec<_>>().join(", ");
     if !options.fields.is_empty() {

@@ -116,7 +116,13 @@ pub fn check_fields(source: &dyn SeriesSource, options: &IngestOptions) -> FileR
 }
 
 fn plan_fields(source: &dyn SeriesSource, options: &IngestOptions) -> FileResult<Vec<PlannedField>> {
-    let planned = plan::plan(source.fields(), &options.fields, &options.units)
+    let fields = source.fields();
+    if fields.is_empty() {
+        let problem = format!("there is no field ({})", source.notes().join("; "));
+        return Err(FileError::invalid(source.describe(), "fields", problem));
+    }
+    let of_source: Vec<Option<String>> = fields.iter().map(|field| source.unit(field)).collect();
+    let planned = plan::plan(fields, &options.fields, &options.units, &of_source)
         .map_err(|problem| FileError::invalid(source.describe(), "fields", problem))?;
     let to_points = |field: PlannedField| if options.cells_to_points { field.into_points() } else { field };
     Ok(planned.into_iter().map(to_points).collect())

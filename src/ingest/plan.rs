@@ -53,7 +53,8 @@ impl PlannedField {
     }
 }
 
-/// Plans the import of `selectors` (all fields if empty). An error is a message for the user.
+/// Plans the import of `selectors` (all fields if empty). `units` go before those that the source says, `of_source`, a place for each field
+/// or none at all. An error is a message for the user.
 ///
 /// Fields of one name (a point field and a cell field, say) are told apart: the first keeps the name, a cell field
 /// becomes `NAME (cell)`, and whatever is still ambiguous `NAME (2)`.
@@ -61,6 +62,7 @@ pub(super) fn plan(
     fields: &[FieldInfo],
     selectors: &[FieldSelector],
     units: &[FieldUnits],
+    of_source: &[Option<String>],
 ) -> Result<Vec<PlannedField>, String> {
     if fields.is_empty() {
         return Err("there is no field".to_owned());
@@ -93,6 +95,9 @@ pub(super) fn plan(
         if let Some(before) = unit_of[field].replace(units) {
             return Err(format!("field '{name}' has two units, '{before}' and '{units}'"));
         }
+    }
+    for (unit, said) in unit_of.iter_mut().zip(of_source) {
+        *unit = unit.or(said.as_deref());
     }
     // A quantity has its field's unit, unless it has one of its own.
     let base = |field: usize| base_of_unit(&names[field]).and_then(|base| names.iter().position(|n| n == base));
@@ -202,7 +207,7 @@ mod tests {
     fn names(fields: &[FieldInfo], selectors: &[&str]) -> Result<Vec<String>, String> {
         let selectors: Vec<FieldSelector> = selectors.iter().map(|s| s.parse().unwrap()).collect();
         let star = |o: &Output| format!("{}{}", o.name, if o.virtual_ { "*" } else { "" });
-        Ok(plan(fields, &selectors, &[])?.iter().flat_map(|f| f.outputs.iter().map(star)).collect())
+        Ok(plan(fields, &selectors, &[], &[])?.iter().flat_map(|f| f.outputs.iter().map(star)).collect())
     }
 
     fn flow() -> Vec<FieldInfo> {
@@ -219,8 +224,8 @@ mod tests {
         assert_eq!(names(&flow(), &["U:1"]).unwrap(), ["U:1"]);
         assert_eq!(names(&flow(), &["U:mag", "T"]).unwrap(), ["U:mag", "T"]);
         let selectors = ["U:2".parse().unwrap(), "U:0".parse().unwrap()];
-        assert_eq!(plan(&flow(), &selectors, &[]).unwrap()[0].reads, [0, 2]);
-        assert_eq!(plan(&flow(), &["U:mag".parse().unwrap()], &[]).unwrap()[0].reads, [0, 1, 2]);
+        assert_eq!(plan(&flow(), &selectors, &[], &[]).unwrap()[0].reads, [0, 2]);
+        assert_eq!(plan(&flow(), &["U:mag".parse().unwrap()], &[], &[]).unwrap()[0].reads, [0, 1, 2]);
     }
 
     #[test]
@@ -242,7 +247,7 @@ mod tests {
         ];
         let all = names(&fields, &[]).unwrap();
         assert_eq!(all, ["T", "T (cell)", "T (2)", "U:0", "U:0 (2)", "U:1", "U:mag*"]);
-        let of_cells = plan(&fields, &["T (cell)".parse().unwrap()], &[]).unwrap();
+        let of_cells = plan(&fields, &["T (cell)".parse().unwrap()], &[], &[]).unwrap();
         assert_eq!(of_cells[0].info.association, Association::Cell);
     }
 
@@ -256,7 +261,7 @@ mod tests {
     fn a_unit_is_that_of_all_that_a_field_becomes() {
         let planned = |selectors: &[FieldSelector], units: &[&str]| {
             let units: Vec<FieldUnits> = units.iter().map(|u| u.parse().unwrap()).collect();
-            let planned = plan(&flow(), selectors, &units)?;
+            let planned = plan(&flow(), selectors, &units, &[])?;
             Ok::<_, String>(planned.into_iter().flat_map(|f| f.outputs).map(|o| o.units).collect::<Vec<_>>())
         };
         let (speed, pressure) = (Some("m/s".to_owned()), Some("Pa".to_owned()));
@@ -287,9 +292,26 @@ mod tests {
         let units: Vec<FieldUnits> = ["s=MPa", "s:trace=bar"].iter().map(|text| text.parse().unwrap()).collect();
         let selectors: Vec<FieldSelector> =
             ["s:mises", "s:trace", "s:det"].iter().map(|s| s.parse().unwrap()).collect();
-        let planned = plan(&fields, &selectors, &units).expect("s itself is not imported");
+        let planned = plan(&fields, &selectors, &units, &[]).expect("s itself is not imported");
         let found: Vec<_> = planned.iter().flat_map(|field| &field.outputs).map(|o| o.units.as_deref()).collect();
         assert_eq!(found, [Some("MPa"), Some("bar"), None]);
-        assert!(plan(&fields, &selectors[2..], &units[..1]).is_err(), "no field has that unit");
+        assert!(plan(&fields, &selectors[2..], &units[..1], &[]).is_err(), "no field has that unit");
+    }
+
+    #[test]
+    fn units_of_the_source_count_where_the_user_says_none() {
+        let mut fields = flow();
+        fields.push(field("U:trace", 1, Association::Point));
+        let of_source = ["K", "m/s", "Pa"].map(|unit| Some(unit.to_owned()));
+        let of_source = [&of_source[..], &[None]].concat();
+        let found = |units: &[&str]| {
+            let units: Vec<FieldUnits> = units.iter().map(|u| u.parse().unwrap()).collect();
+            let planned = plan(&fields, &[], &units, &of_source).unwrap();
+            let outputs = planned.into_iter().flat_map(|field| field.outputs);
+            outputs.map(|output| output.units.unwrap_or_default()).collect::<Vec<_>>()
+        };
+        assert_eq!(found(&[]), ["K", "m/s", "m/s", "m/s", "m/s", "Pa", "m/s"]);
+        assert_eq!(found(&["U=mm/s", "p=bar"]), ["K", "mm/s", "mm/s", "mm/s", "mm/s", "bar", "mm/s"]);
+        assert_eq!(found(&["U:trace=1/s"]).last().unwrap(), "1/s");
     }
 }

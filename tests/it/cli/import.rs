@@ -203,6 +203,34 @@ fn fields_are_calculated_and_added_to_a_store_again() {
 }
 
 #[test]
+fn units_that_files_say_are_taken_unless_the_user_says_others() {
+    let place = Place::with_tornado();
+    let key = "<InformationKey name=\"UNITS_LABEL\" location=\"vtkDataArray\"> m/s&#xB2; </InformationKey>";
+    place.edit("run/tornado_0000.vtu", "offset=\"2940\"/>", &format!("offset=\"2940\">{key}</DataArray>"));
+    let text = place.ok(&["info", "run/tornado.pvd"]);
+    assert!(text.contains("velocity (of points, 3 components, m/s²)"), "{text}");
+    let info = place.json(&["info", "run/tornado.pvd", "--json"]);
+    let of = |field: &serde_json::Value| {
+        (field["name"].as_str().unwrap().to_owned(), field["units"].as_str().map(str::to_owned))
+    };
+    let units = |info: &serde_json::Value| info["fields"].as_array().unwrap().iter().map(of).collect::<Vec<_>>();
+    let with = |name: &str, unit: Option<&str>| (name.to_owned(), unit.map(str::to_owned));
+    assert_eq!(units(&info), [with("pressure", None), with("velocity", Some("m/s²"))]);
+    let import = ["import", "run/tornado.pvd", "--field", "velocity:mag", "--field", "pressure"];
+    for (more, expected) in [(&[][..], "m/s²"), (&["--units", "velocity=kn"], "kn")] {
+        place.ok(&[&import[..], more, &["-o", "t.zarr", "--steps", "0..5", "--overwrite"]].concat());
+        let stored = units(&place.json(&["info", "t.zarr", "--json"]));
+        assert!(stored.contains(&with("velocity:mag", Some(expected))), "{stored:?}");
+        assert!(stored.contains(&with("pressure", None)), "{stored:?}");
+    }
+    // The store keeps its unit, whatever the files say.
+    place.ok(&["import", "run/tornado.pvd", "-o", "t.zarr", "--append"]);
+    let info = place.json(&["info", "t.zarr", "--json"]);
+    assert_eq!(info["time"]["steps"], 8);
+    assert!(units(&info).contains(&with("velocity:mag", Some("kn"))), "{info}");
+}
+
+#[test]
 fn info_looks_at_files_without_importing_them_and_a_dry_run_reads_every_step() {
     let place = Place::with_tornado();
     let text = place.ok(&["info", "run/tornado.pvd"]);
