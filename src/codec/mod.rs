@@ -118,6 +118,17 @@ pub struct Encoded {
     pub settled_errors: Option<ErrorTally>,
 }
 
+/// The state of an encoder at the end of a block, as numbers whose meaning is the codec's own.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct EncoderState {
+    /// Counts.
+    pub counts: Vec<u64>,
+    /// Rows that wait for others to make a chunk.
+    pub rows: Vec<u32>,
+    /// Sums.
+    pub sums: Vec<f64>,
+}
+
 /// Encodes the steps of one field in order.
 pub trait Encoder: Send {
     /// Name of the codec in the store's attributes.
@@ -138,6 +149,9 @@ pub trait Encoder: Send {
     /// Whether the chunk `key` is final: written, and not written again however many steps follow. A resumed encoder also counts the chunks
     /// of its predecessor that it does not replace.
     fn is_settled(&self, key: &str) -> bool;
+
+    /// The state at the end of a block, from which [`Encoding::resume`] goes on bit for bit; `None` within one.
+    fn state(&self) -> Option<EncoderState>;
 }
 
 /// Decodes any step of one field, from several threads at once.

@@ -27,20 +27,23 @@ pub struct ErrorTally {
 }
 
 impl ErrorTally {
+    /// Numbers of a step in [`ErrorTally::parts`].
+    pub(super) const PER_STEP: usize = 3;
+
     /// A tally without steps, of a field with `vertices` values a step.
     pub fn new(vertices: usize) -> Self {
         Self { steps: Vec::new(), vertices: vec![0.0; vertices] }
     }
 
     /// The sums as numbers: for each step its sum of squares, number of values and largest error; for each vertex its sum of squares.
-    pub fn parts(&self) -> (Vec<[f64; 3]>, &[f64]) {
+    pub fn parts(&self) -> (Vec<[f64; Self::PER_STEP]>, &[f64]) {
         (self.steps.iter().map(|s| [s.squares, s.count as f64, s.largest]).collect(), &self.vertices)
     }
 
     /// The tally that [`ErrorTally::parts`] was taken from, bit for bit; `None` if the parts are not valid.
-    pub fn from_parts(steps: &[[f64; 3]], vertices: Vec<f64>) -> Option<Self> {
+    pub fn from_parts(steps: &[[f64; Self::PER_STEP]], vertices: Vec<f64>) -> Option<Self> {
         let sound = |x: f64| x.is_finite() && x >= 0.0;
-        let step = |&[squares, count, largest]: &[f64; 3]| {
+        let step = |&[squares, count, largest]: &[f64; Self::PER_STEP]| {
             let whole = count <= vertices.len() as f64 && count.fract() == 0.0;
             let sound = sound(squares) && sound(count) && whole && sound(largest);
             sound.then_some(StepError { squares, count: count as u64, largest })

@@ -4,8 +4,8 @@ use super::blocks::{Block, BlockCache, BlockKey, BlockLoader, DecoderId, LoadedB
 use super::stop::{go_on, unless_cancelled};
 use super::{
     ArraySpec, ChunkSink, Chunking, Codec, CodecChoice, Coding, DecodeStats, Decoder, ElementType, Encoded, Encoder,
-    Encoding, ErrorTally, PaperSize, ReadRange, StepRequest, Stop, StoredValues, chunk_key, parse_chunk_key,
-    read_chunk_unless, read_rows_unless, to_bytes,
+    EncoderState, Encoding, ErrorTally, PaperSize, ReadRange, StepRequest, Stop, StoredValues, chunk_key,
+    parse_chunk_key, read_chunk_unless, read_rows_unless, to_bytes,
 };
 use crate::error::{FileError, FileResult};
 use crate::slowdown::{Slow, waste};
@@ -51,6 +51,11 @@ impl Encoding for Raw {
 
     fn encoder(&self, vertices: usize) -> Box<dyn Encoder> {
         Box::new(RawEncoder::new(vertices))
+    }
+
+    fn resume(&self, vertices: usize, steps: usize, state: EncoderState) -> Option<Box<dyn Encoder>> {
+        let encoder = RawEncoder::resume(vertices, steps as u64);
+        (encoder.state()? == state).then(|| Box::new(encoder) as Box<dyn Encoder>)
     }
 
     fn by_the_paper(&self, _vertices: u64, _steps: u64) -> Option<PaperSize> {
@@ -137,6 +142,10 @@ impl Encoder for RawEncoder {
 
     fn is_settled(&self, key: &str) -> bool {
         parse_chunk_key(key).is_some_and(|(array, step)| array == NAME && step < self.steps)
+    }
+
+    fn state(&self) -> Option<EncoderState> {
+        Some(EncoderState { counts: vec![self.steps], ..EncoderState::default() })
     }
 }
 

@@ -1,6 +1,6 @@
 //! The list of codecs, and the interface of each.
 
-use super::{ArraySpec, BlockCache, Decoder, Encoder, ErrorTally, ReadRange, raw, vq};
+use super::{ArraySpec, BlockCache, Decoder, Encoder, EncoderState, ErrorTally, ReadRange, raw, vq};
 use crate::error::FileResult;
 use serde_json::Value;
 use std::fmt::{Debug, Display};
@@ -49,6 +49,9 @@ pub trait Encoding: Debug + Display + Send + Sync {
 
     /// An encoder of a field with `vertices` values a step.
     fn encoder(&self, vertices: usize) -> Box<dyn Encoder>;
+
+    /// The encoder whose [`Encoder::state`] after `steps` steps this was; `None` if it is no such state.
+    fn resume(&self, vertices: usize, steps: usize, state: EncoderState) -> Option<Box<dyn Encoder>>;
 
     /// The size of a field by the dissertation's formula (6.2.2); `None` from codecs that it does not cover.
     fn by_the_paper(&self, vertices: u64, steps: u64) -> Option<PaperSize>;

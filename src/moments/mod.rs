@@ -100,6 +100,23 @@ pub struct Moments {
     nonfinite_before: u64,
 }
 
+/// All numbers of a [`Moments`], from which [`Moments::from_state`] goes on bit for bit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MomentsState {
+    /// Mean of each vertex's finite samples.
+    pub means: Vec<f64>,
+    /// Sum of the squared deviations from it.
+    pub squares: Vec<f64>,
+    /// Number of each vertex's finite samples.
+    pub counts: Vec<u32>,
+    /// Range of each step; NaN if it has no finite value.
+    pub ranges: Vec<[f32; 2]>,
+    /// Number of non-finite values of each step.
+    pub nonfinite: Vec<u64>,
+    /// Number of those of steps before [`Moments::resume`].
+    pub nonfinite_before: u64,
+}
+
 impl Moments {
     /// Statistics without steps, for `vertex_count` values a step.
     pub fn new(vertex_count: usize) -> Self {
@@ -128,6 +145,46 @@ impl Moments {
         let vertices = mean.iter().zip(variance).zip(finite_count).map(vertex).collect::<Option<Vec<_>>>()?;
         let steps = ranges.iter().map(|&range| StepSummary { range, nonfinite: 0 }).collect();
         Some(Self { vertices, steps, parts: Vec::new(), nonfinite_before: nonfinite })
+    }
+
+    /// Number of values of a step.
+    pub fn vertex_count(&self) -> usize {
+        self.vertices.len()
+    }
+
+    /// All numbers, as they are.
+    pub fn state(&self) -> MomentsState {
+        MomentsState {
+            means: self.vertices.iter().map(|v| v.mean).collect(),
+            squares: self.vertices.iter().map(|v| v.m2).collect(),
+            counts: self.vertices.iter().map(|v| v.count).collect(),
+            ranges: self.steps.iter().map(|step| step.range.unwrap_or([f32::NAN; 2])).collect(),
+            nonfinite: self.steps.iter().map(|step| step.nonfinite).collect(),
+            nonfinite_before: self.nonfinite_before,
+        }
+    }
+
+    /// The statistics that [`Moments::state`] was taken from, bit for bit; `None` if the numbers are not valid.
+    pub fn from_state(state: &MomentsState) -> Option<Self> {
+        let MomentsState { means, squares, counts, ranges, nonfinite, nonfinite_before } = state;
+        // Half of what fits, so that no sum overflows.
+        let is_count = *nonfinite_before <= u64::MAX / 2;
+        if [squares.len(), counts.len()] != [means.len(); 2] || nonfinite.len() != ranges.len() || !is_count {
+            return None;
+        }
+        let vertex = |((&mean, &m2), &count): ((&f64, &f64), &u32)| {
+            let sound = mean.is_finite() && m2.is_finite() && m2 >= 0.0 && count as usize <= ranges.len();
+            sound.then_some(Accumulator { mean, m2, count })
+        };
+        let vertices = means.iter().zip(squares).zip(counts).map(vertex).collect::<Option<Vec<_>>>()?;
+        let step = |(&range, &nonfinite): (&[f32; 2], &u64)| {
+            let is_none = range.iter().all(|end| end.is_nan());
+            let sound = is_none || range.iter().all(|end| end.is_finite()) && range[0] <= range[1];
+            let sound = sound && nonfinite <= means.len() as u64;
+            sound.then_some(StepSummary { range: (!is_none).then_some(range), nonfinite })
+        };
+        let steps = ranges.iter().zip(nonfinite).map(step).collect::<Option<Vec<_>>>()?;
+        Some(Self { vertices, steps, parts: Vec::new(), nonfinite_before: *nonfinite_before })
     }
 
     /// Adds the next step, one value per vertex. The result is the same for any number of threads.

@@ -240,3 +240,37 @@ fn what_is_no_statistics_is_not_resumed() {
         assert!(Moments::resume(&statistics(bad.0, bad.1, bad.2), &ranges, 0).is_none(), "{bad:?}");
     }
 }
+
+#[test]
+fn a_state_goes_on_bit_for_bit_and_what_is_none_is_refused() {
+    let mut next = noise(7);
+    let mut step = |hole: usize| (0..50).map(|i| if i == hole { f32::NAN } else { next() }).collect::<Vec<f32>>();
+    let steps: Vec<Vec<f32>> = (0..9).map(&mut step).chain([vec![f32::INFINITY; 50], vec![-0.0; 50]]).collect();
+    let whole = moments_of(&steps);
+    let state = moments_of(&steps[..10]).state();
+    let mut resumed = Moments::from_state(&state).unwrap();
+    resumed.add_step(&steps[10]);
+    let bits = |state: MomentsState| {
+        let MomentsState { means, squares, counts, ranges, nonfinite, nonfinite_before } = state;
+        let [means, squares] = [means, squares].map(|of| of.into_iter().map(f64::to_bits).collect::<Vec<_>>());
+        let ranges: Vec<_> = ranges.into_iter().map(|range| range.map(f32::to_bits)).collect();
+        (means, squares, counts, ranges, nonfinite, nonfinite_before)
+    };
+    assert_eq!(bits(resumed.state()), bits(whole.state()));
+    assert_ne!(bits(resumed.state()), bits(Moments::from_state(&state).unwrap().state()), "a step is noticed");
+    let spoils: [fn(&mut MomentsState); 8] = [
+        |state| state.means[3] = f64::NAN,
+        |state| state.squares[3] = -1.0,
+        |state| state.counts[3] = 11,
+        |state| state.ranges[2] = [1.0, 0.0],
+        |state| state.ranges[2] = [f32::NAN, 0.0],
+        |state| state.nonfinite[2] = 51,
+        |state| _ = state.squares.pop(),
+        |state| state.nonfinite_before = u64::MAX,
+    ];
+    for spoil in spoils {
+        let mut state = state.clone();
+        spoil(&mut state);
+        assert!(Moments::from_state(&state).is_none());
+    }
+}

@@ -3,8 +3,8 @@
 use super::layout::{MAX_ENTRIES, NAME, VqParameters, paper_bytes};
 use super::{STEPS, VqDecoder, VqEncoder, VqOptions};
 use crate::codec::{
-    ArraySpec, BlockCache, Codec, CodecChoice, Coding, Decoder, Encoder, Encoding, ErrorTally, OptionText, PaperSize,
-    StoredValues,
+    ArraySpec, BlockCache, Codec, CodecChoice, Coding, Decoder, Encoder, EncoderState, Encoding, ErrorTally,
+    OptionText, PaperSize, StoredValues,
 };
 use crate::error::FileResult;
 use std::fmt;
@@ -55,6 +55,10 @@ impl Encoding for VqOptions {
 
     fn encoder(&self, vertices: usize) -> Box<dyn Encoder> {
         Box::new(VqEncoder::new(vertices, *self))
+    }
+
+    fn resume(&self, vertices: usize, steps: usize, state: EncoderState) -> Option<Box<dyn Encoder>> {
+        Some(Box::new(VqEncoder::from_state(vertices, *self, steps, state)?))
     }
 
     fn by_the_paper(&self, vertices: u64, steps: u64) -> Option<PaperSize> {

@@ -5,7 +5,8 @@ use super::encode::encode_block;
 use super::layout::{NAME, SPECIAL_ROWS, VqParameters};
 use super::{STEPS, VqOptions};
 use crate::codec::{
-    ChunkSink, Encoder, ErrorTally, ReadRange, StoredValues, chunk_key, parse_chunk_key, read_rows, to_bytes,
+    ChunkSink, Encoder, EncoderState, ErrorTally, ReadRange, StoredValues, chunk_key, parse_chunk_key, read_rows,
+    to_bytes,
 };
 use crate::error::{FileError, FileResult};
 use crate::task::Cancel;
@@ -65,6 +66,27 @@ impl VqEncoder {
             exponents = exponents || source.exists(&chunk_key(&format!("{key}/exponent"), block, 2))?;
         }
         Ok(Self { blocks, exponents, special, tally, ..Self::new(*vertices, options) })
+    }
+
+    /// The encoder whose state after `steps` steps this was; `None` if it is no such state.
+    ///
+    /// # Panics
+    /// As [`VqEncoder::new`].
+    pub fn from_state(vertices: usize, options: VqOptions, steps: usize, state: EncoderState) -> Option<Self> {
+        let EncoderState { counts, rows, sums } = state;
+        let (&[exponents, chunks], starts) = counts.split_first_chunk()?;
+        let (rows, []) = rows.as_chunks() else { return None };
+        let (of_steps, of_vertices) = sums.split_at_checked(steps.checked_mul(ErrorTally::PER_STEP)?)?;
+        let (of_steps, []) = of_steps.as_chunks() else { return None };
+        let blocks = steps / STEPS;
+        let before = chunks.checked_mul(SPECIAL_ROWS)?.checked_add(rows.len() as u64)?;
+        let in_order = starts.len() == blocks && starts.is_sorted() && starts.iter().all(|start| *start <= before);
+        if !steps.is_multiple_of(STEPS) || exponents > 1 || !in_order || rows.len() as u64 >= SPECIAL_ROWS {
+            return None;
+        }
+        let tally = ErrorTally::from_parts(of_steps, of_vertices.to_vec()).filter(|_| of_vertices.len() == vertices)?;
+        let special = SpecialWriter { rows: rows.to_vec(), chunks, starts: starts.to_vec() };
+        Some(Self { blocks: blocks as u64, exponents: exponents == 1, special, tally, ..Self::new(vertices, options) })
     }
 
     fn write_block(&mut self, sink: &mut dyn ChunkSink) -> FileResult<()> {
@@ -237,5 +259,17 @@ impl Encoder for VqEncoder {
             Some("mean" | "i8" | "i64" | "cb8" | "cb64" | "exponent") => row < self.blocks,
             _ => false,
         }
+    }
+
+    fn state(&self) -> Option<EncoderState> {
+        if !self.values.is_empty() {
+            return None;
+        }
+        let (of_steps, of_vertices) = self.tally.parts();
+        Some(EncoderState {
+            counts: [&[u64::from(self.exponents), self.special.chunks], &self.special.starts[..]].concat(),
+            rows: self.special.rows.as_flattened().to_vec(),
+            sums: [of_steps.as_flattened(), of_vertices].concat(),
+        })
     }
 }
