@@ -303,6 +303,20 @@ impl SeriesSource for Calculated {
         self.source.check(step)
     }
 
+    fn counted(&self, last: usize) -> serde_json::Value {
+        let zeros = self.zeros.lock().unwrap_or_else(PoisonError::into_inner);
+        let zeros = zeros.iter().filter(|((.., step), _)| *step <= last).collect::<Vec<_>>();
+        serde_json::json!([self.source.counted(last), zeros])
+    }
+
+    fn count_on(&self, counted: &serde_json::Value) {
+        self.source.count_on(&counted[0]);
+        let zeros: Vec<((usize, usize, usize), usize)> = serde_json::from_value(counted[1].clone()).unwrap_or_default();
+        // The formulas of another source have other numbers.
+        let zeros = zeros.into_iter().filter(|((formula, ..), _)| *formula < self.formulas.len());
+        self.zeros.lock().unwrap_or_else(PoisonError::into_inner).extend(zeros);
+    }
+
     fn notes(&self) -> Vec<String> {
         let mut notes = self.source.notes();
         notes.extend(self.formulas.iter().map(|formula| format!("calculated {}", formula.text)));

@@ -166,6 +166,12 @@ pub trait SeriesSource: Sync {
     fn fix_points(&mut self) -> FileResult<()> {
         Ok(())
     }
+    /// What reading the steps up to `last` has counted for [`Self::notes`], for another run to go on from.
+    fn counted(&self, _last: usize) -> serde_json::Value {
+        serde_json::Value::Null
+    }
+    /// Goes on from what an earlier run has [`Self::counted`] of the same source. What is no such count is ignored.
+    fn count_on(&self, _counted: &serde_json::Value) {}
     /// Counts of skipped items (cells of lower dimension, say), one readable line each.
     fn notes(&self) -> Vec<String> {
         Vec::new()

@@ -122,6 +122,15 @@ impl SeriesSource for Joined {
         self.sources.iter().try_for_each(|source| source.check(step))
     }
 
+    fn counted(&self, last: usize) -> serde_json::Value {
+        self.sources.iter().map(|source| source.counted(last)).collect()
+    }
+
+    fn count_on(&self, counted: &serde_json::Value) {
+        let each = self.sources.iter().zip(counted.as_array().into_iter().flatten());
+        each.for_each(|(source, counted)| source.count_on(counted));
+    }
+
     fn notes(&self) -> Vec<String> {
         let mut notes: Vec<String> = self.sources.iter().flat_map(|source| source.notes()).collect();
         let mut seen = std::collections::BTreeSet::new();

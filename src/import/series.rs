@@ -351,6 +351,15 @@ impl<S: StepReader> SeriesSource for Series<S> {
         Ok(())
     }
 
+    fn counted(&self, last: usize) -> serde_json::Value {
+        [&self.overflows, &self.differing, &self.missing].map(|tally| tally.counted(last)).into_iter().collect()
+    }
+
+    fn count_on(&self, counted: &serde_json::Value) {
+        let tallies = [&self.overflows, &self.differing, &self.missing].into_iter();
+        tallies.zip(counted.as_array().into_iter().flatten()).for_each(|(tally, counted)| tally.count_on(counted));
+    }
+
     fn notes(&self) -> Vec<String> {
         let overflows = self.overflows.lines(|name, count, steps| {
             format!("field '{name}': {count} values in {steps} are beyond the range of f32 and became infinite")

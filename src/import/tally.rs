@@ -1,5 +1,6 @@
 //! Counts of values that were changed or are missing, for the notes of a source.
 
+use serde_json::Value;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
@@ -18,6 +19,19 @@ impl Tally {
             let known = counts.entry((field.to_owned(), step)).or_default();
             *known = count.max(*known);
         }
+    }
+
+    /// All counts of steps up to `last`.
+    pub(super) fn counted(&self, last: usize) -> Value {
+        let counts = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let counts = counts.iter().filter(|((_, step), _)| *step <= last);
+        counts.map(|((name, step), count)| serde_json::json!([name, step, count])).collect()
+    }
+
+    /// Adds counts of [`Self::counted`].
+    pub(super) fn count_on(&self, counted: &Value) {
+        let counts: Vec<(String, usize, u64)> = serde_json::from_value(counted.clone()).unwrap_or_default();
+        counts.iter().for_each(|(name, step, count)| self.note(name, *step, *count));
     }
 
     /// A line for each field: `line` has its name, the sum of its counts and its steps, as `3 steps (0, 4, 5)`.
@@ -53,6 +67,11 @@ mod tests {
         tally.note("b", 0, 0);
         (0..20).for_each(|step| tally.note("c", step, 1));
         let lines = tally.lines(|name, sum, steps| format!("{name} {sum} in {steps}"));
+        let resumed = Tally::default();
+        resumed.count_on(&tally.counted(10));
+        resumed.count_on(&serde_json::json!({"no": "counts"}));
+        (11..20).for_each(|step| resumed.note("c", step, 1));
+        assert_eq!(lines, resumed.lines(|name, sum, steps| format!("{name} {sum} in {steps}")));
         assert_eq!(lines, ["a 7 in 2 steps (1, 3)", "c 20 in 20 steps (0, 1, 2, 3, 4, 5, 6, 7, ...)"]);
     }
 }
