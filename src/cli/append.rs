@@ -109,7 +109,8 @@ impl Job<'_> {
             let (fields, units) = (self.args.fields.to_vec(), self.args.units.to_vec());
             let codec = self.codec.clone().unwrap_or_default();
             let cells_to_points = self.args.cells_to_points;
-            let options = IngestOptions { fields, units, steps, codec, cells_to_points, overwrite: false };
+            let options =
+                IngestOptions { fields, units, steps, codec, cells_to_points, overwrite: false, checkpoints: None };
             let created = ingest(&*series, self.output, &options, terminal, &terminal.cancel);
             match created {
                 // Another process has created the store.

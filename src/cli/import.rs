@@ -9,7 +9,7 @@ use crate::codec::{CODECS, codec_of};
 use crate::error::FileResult;
 use crate::field::{Association, FieldInfo, FieldSelector, SeriesSource};
 use crate::import::{self, Format};
-use crate::ingest::{CodecChoice, FieldUnits, IngestOptions, StepRange, check_fields, ingest};
+use crate::ingest::{Checkpoints, CodecChoice, FieldUnits, IngestOptions, StepRange, check_fields, ingest};
 use crate::mesh::{Mesh, RepairReport, SourceCells};
 use anyhow::bail;
 use clap::builder::PossibleValuesParser;
@@ -87,6 +87,11 @@ pub(super) struct Args {
     #[arg(long, requires = "append", conflicts_with = "dry_run", value_name = "SECONDS", num_args = 0..=1)]
     #[arg(default_missing_value = "2", value_parser = seconds)]
     follow: Option<f64>,
+    /// Keep what is done in NAME.zarr.partial every so many seconds (0: at every chance), and go on from there if an import of the same
+    /// was interrupted; the store is that of one import without a break [default: 10]
+    #[arg(long, conflicts_with_all = ["append", "dry_run"], value_name = "SECONDS", num_args = 0..=1, require_equals = true)]
+    #[arg(default_missing_value = "10", value_parser = pause)]
+    resume: Option<f64>,
     /// Print the report as JSON
     #[arg(long)]
     pub(super) json: bool,
@@ -111,7 +116,8 @@ fn import(args: &Args, codec: CodecChoice, terminal: &Terminal) -> anyhow::Resul
     let (fields, units) = (args.fields.clone(), args.units.clone());
     let steps = steps::within_series(args.steps, series.times().len(), terminal);
     let (overwrite, cells_to_points) = (args.overwrite, args.cells_to_points);
-    let options = IngestOptions { fields, units, steps, overwrite, codec, cells_to_points };
+    let checkpoints = args.resume.map(|pause| Checkpoints { pause: Duration::from_secs_f64(pause) });
+    let options = IngestOptions { fields, units, steps, overwrite, codec, cells_to_points, checkpoints };
     let (false, Some(output)) = (args.dry_run, &args.output) else {
         check_fields(&*series, &options)?;
         let plan = Plan::of(&*series, args, steps, terminal)?;
@@ -131,6 +137,11 @@ pub(super) fn source(args: &Args, stored: &[FieldSelector]) -> FileResult<Box<dy
     }
     let source = import::choose_blocks(source, &args.blocks)?;
     calculated(source, &args.definitions, &[&args.fields[..], stored].concat())
+}
+
+fn pause(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|s: &f64| (0.0..=FOLLOW_MAX).contains(s));
+    seconds.ok_or_else(|| format!("'{text}' is no number of seconds from 0 to {FOLLOW_MAX}"))
 }
 
 fn seconds(text: &str) -> Result<f64, String> {

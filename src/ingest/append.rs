@@ -141,7 +141,7 @@ pub fn append(
     let (order, _) = ValueOrder::new(mesh, &fields);
     let job = Job { source, fields: &fields, steps: &steps, cancel };
     let mut pass = Pass::new(job, order, counts, targets);
-    pass.run("append", first, progress)?;
+    pass.run("append", first, progress, &mut |_, _| Ok(()))?;
 
     report.bytes_read = pass.values_read * size_of::<f32>() as u64;
     report.fields = finish(pass.targets, &store)?;

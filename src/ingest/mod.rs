@@ -3,11 +3,12 @@
 //! One thread reads step n + 1 while step n is brought into the mesh's vertex order, reduced into ranges and moments,
 //! encoded and written. No more than two steps of the source, one of the mesh, and what the codec holds (`vq`: a block of
 //! 64 steps of each field) are in memory. The result does not depend on the number of threads. [`append()`] adds the new steps of
-//! a source that has grown;
-//! [`ImportCache`] opens a source as if it were a store.
+//! a source that has grown; with [`Checkpoints`] an interrupted import goes on where it was; [`ImportCache`] opens a source as if it were a
+//! store.
 
 mod append;
 mod cached;
+mod checkpoints;
 mod compression;
 mod options;
 mod order;
@@ -20,6 +21,7 @@ mod stream;
 pub use crate::codec::CodecChoice;
 pub use append::{AppendOptions, AppendPlan, AppendReport, AppendedField, append, plan_append};
 pub use cached::{CacheError, CacheEvent, ImportCache, Origin};
+pub use checkpoints::Checkpoints;
 pub use compression::CompressionReport;
 pub use options::{FieldUnits, IngestOptions, StepRange, StepRangeError};
 pub use report::{FieldReport, IngestError, IngestReport, StageSeconds};
@@ -30,6 +32,7 @@ use crate::mesh::Mesh;
 use crate::moments::Moments;
 use crate::store::{FieldDescription, FieldWriter, MeanWeights, SourcePoints, StoreWriter};
 use crate::task::{Cancel, Progress};
+use checkpoints::{Keeper, Resumed};
 use order::ValueOrder;
 use pass::{Pass, Target};
 use plan::{Output, PlannedField};
@@ -41,7 +44,8 @@ use stream::Job;
 ///
 /// # Errors
 /// If the source cannot be read or lacks what was asked for, its mesh cannot be built, the store cannot be written, or `cancel` was raised.
-/// No files are then left behind, and an existing store at `out` is unchanged.
+/// No files are then left behind, but for those of [`IngestOptions::checkpoints`], and an existing store at `out` is unchanged. With
+/// checkpoints also if another import writes them now, or those that are there are damaged or of an import of something else.
 pub fn ingest(
     source: &dyn SeriesSource,
     out: &Path,
@@ -53,15 +57,20 @@ pub fn ingest(
     let steps = select_steps(source, options.steps)?;
     let times = steps.iter().map(|&step| source.times().values[step]).collect();
     let fields = plan_fields(source, options)?;
-    let mut writer = StoreWriter::create(out, options.overwrite)?;
+    let (mut writer, checkpoint) = match options.checkpoints {
+        None => (StoreWriter::create(out, options.overwrite)?, None),
+        Some(_) => StoreWriter::go_on(out, options.overwrite)?,
+    };
 
     let raw = source.mesh().map_err(IngestError::Source)?;
     let counts = [raw.points.len(), raw.cells.len()];
-    let points = SourcePoints::of(&raw.points);
+    let (points, line) = (SourcePoints::of(&raw.points), checkpoints::line_of(&raw));
     check_cancel(cancel)?;
     let (mesh, repair) =
         Mesh::build(raw).map_err(|error| IngestError::Mesh { source_name: source.describe(), error })?;
     let repair = repair.with_cell_numbers(|cell| source.cell_number(cell));
+    let recipe = checkpoints::recipe(source, &fields, &options.codec, &line, &mesh);
+    let resumed = checkpoint.map(|from| Resumed::of(from, &recipe, source, &steps)).transpose()?;
     writer.write_mesh(&mesh, &repair)?;
     if let Some(blocks) = source.blocks().map_err(IngestError::Source)? {
         writer.write_blocks(&blocks, &mesh.cell_source)?;
@@ -74,10 +83,26 @@ pub fn ingest(
     let mesh_seconds = start.elapsed().as_secs_f64();
 
     let [vertices, of_cells] = [Association::Point, Association::Cell].map(|of| order.count(of));
-    let targets = fields.iter().map(|f| targets(f, order.count(f.values_of()), &options.codec, &mut writer)).collect();
-    let job = Job { source, fields: &fields, steps: &steps, cancel };
+    let mut targets: Vec<Vec<Target>> =
+        fields.iter().map(|f| targets(f, order.count(f.values_of()), &options.codec, &mut writer)).collect();
+    let done = match resumed {
+        None => 0,
+        Some(resumed) => {
+            let done = resumed.restore(&mut targets, &options.codec, &writer)?;
+            let folder = writer.partial().unwrap_or(out).display();
+            progress.say(&format!("{folder}: goes on at step {} of {}", done + 1, steps.len()));
+            done
+        }
+    };
+    // The last step that was done is read again, to compare it.
+    let first = done.saturating_sub(1);
+    let job = Job { source, fields: &fields, steps: &steps[first..], cancel };
     let mut pass = Pass::new(job, order, counts, targets);
-    let read_time = pass.run("import", 0, progress)?;
+    let keeper = options.checkpoints.map(|checkpoints| (&options.codec, checkpoints));
+    let mut keeper = keeper.map(|how| Keeper::new((source, &writer), recipe, &steps, how, done));
+    let mut after = |done: usize, targets: &[Vec<Target>]| keeper.as_mut().map_or(Ok(()), |k| k.after(done, targets));
+    let read_time = pass.run("import", first, progress, &mut after);
+    let read_time = read_time.inspect_err(|error| keeper.iter().for_each(|k| k.say(error, progress)))?;
 
     let finish = Instant::now();
     let mut seconds = pass.seconds;

@@ -1,5 +1,6 @@
 //! The options of an import.
 
+use super::checkpoints::Checkpoints;
 use crate::codec::CodecChoice;
 use crate::field::FieldSelector;
 use std::fmt;
@@ -142,6 +143,9 @@ pub struct IngestOptions {
     pub cells_to_points: bool,
     /// Whether an existing store is replaced.
     pub overwrite: bool,
+    /// How often the state is kept in the folder `NAME.partial` beside the store NAME. If this import ends early, another one with the same
+    /// options goes on from there, with the same source opened anew. `None`: never, and nothing is left.
+    pub checkpoints: Option<Checkpoints>,
 }
 
 #[cfg(test)]

@@ -56,14 +56,22 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// Processes all steps of the job, the first as step `first` of the store; `stage` names the work. Returns the time spent reading.
-    pub(super) fn run(&mut self, stage: &str, first: usize, progress: &dyn Progress) -> Result<Duration, IngestError> {
+    /// Processes all steps of the job, the first as step `first` of the store; `stage` names the work. `after` is told of each new one, with
+    /// the number of steps of the store so far. Returns the time spent reading.
+    pub(super) fn run(
+        &mut self,
+        stage: &str,
+        first: usize,
+        progress: &dyn Progress,
+        after: &mut dyn FnMut(usize, &[Vec<Target>]) -> FileResult<()>,
+    ) -> Result<Duration, IngestError> {
         let job = self.job;
         progress.begin(stage, job.steps.len() as u64, "steps");
         let result = with_stream(&job, |stream| {
             for (at, &step) in (first..).zip(job.steps) {
                 check_cancel(job.cancel)?;
                 self.take_step(step, at, stream)?;
+                after(at + 1, &self.targets)?;
                 progress.advance(1);
             }
             Ok(stream.read_time)
@@ -139,7 +147,7 @@ impl<'a> Pass<'a> {
             let ordered = Instant::now();
             match target.moments.steps().get(at).map(|step| step.range) {
                 None => _ = target.moments.add_step(values),
-                Some(range) => check_again(source, &output.name, at, values, range)?,
+                Some(range) => check_again(source, target, at, values, range)?,
             }
             let reduced = Instant::now();
             if at >= target.first_step {
@@ -153,21 +161,21 @@ impl<'a> Pass<'a> {
     }
 }
 
-/// Fails unless a step that is coded again has the same range as before.
+/// Fails unless a step that is read again has the same values as before, or, where their checksum is not known, the same range.
 fn check_again(
     source: &dyn SeriesSource,
-    field: &str,
+    target: &Target,
     at: usize,
     values: &[f32],
     before: Option<[f32; 2]>,
 ) -> FileResult<()> {
     let now = StepSummary::of(values).range;
     let bits = |range: Option<[f32; 2]>| range.map(|r| r.map(f32::to_bits));
-    if bits(now) == bits(before) {
+    if target.writer.had(at, values).unwrap_or(bits(now) == bits(before)) {
         return Ok(());
     }
     let [now, before] = [now, before].map(range_text);
     let problem = format!("has other values than when it was imported: {now} instead of {before}");
-    Err(FileError::invalid(source.describe(), format!("field '{field}', step {at} of the store"), problem)
-        .remedy("import the series again"))
+    let place = format!("field '{}', step {at} of the store", target.writer.name());
+    Err(FileError::invalid(source.describe(), place, problem).remedy("import the series again"))
 }

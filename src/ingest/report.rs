@@ -10,7 +10,7 @@ use serde::Serialize;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Why an import failed. No files are then left behind, and an existing store is unchanged.
+/// Why an import failed. No files are then left behind, but for checkpoints, and an existing store is unchanged.
 #[derive(Debug, thiserror::Error)]
 pub enum IngestError {
     /// A file could not be written, or the source lacks what was asked for or does not fit the store.

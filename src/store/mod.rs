@@ -12,7 +12,8 @@
 //! written, and at playback read, by [`crate::codec`], which verifies sizes and checksums. The folder of a field is its
 //! name made safe for any file system; the name itself is an attribute.
 //!
-//! [`StoreWriter`] writes to a temporary folder and moves the whole store to its target at the end; to add steps it begins with links to
+//! [`StoreWriter`] writes to a temporary folder and moves the whole store to its target at the end; an interrupted import can go on from a
+//! checkpoint beside it ([`StoreWriter::go_on`]); to add steps it begins with links to
 //! the files of the existing store ([`StoreWriter::append`]), and [`Store::refreshed`] opens the grown one. [`Store`] reads metadata, times
 //! and ranges when it is opened, everything else when it is asked for. Derived arrays carry a version; a missing, damaged or other one is
 //! derived again (faces, neighbours) or treated as missing (moments, level of detail, histograms: computed by their users).
@@ -20,6 +21,7 @@
 mod append;
 mod array;
 mod blocks;
+mod checkpoint;
 mod field;
 mod folder;
 mod histograms;
@@ -30,7 +32,9 @@ mod lock;
 mod mesh;
 mod metadata;
 mod names;
+mod partial;
 mod refresh;
+mod resume;
 mod source_points;
 mod split_cells;
 mod staging;
@@ -38,6 +42,7 @@ mod writer;
 
 pub use append::ResumedField;
 pub use blocks::BlockInfo;
+pub use checkpoint::{CheckpointReader, CheckpointWriter};
 pub use field::{FieldReader, StoredField};
 pub(crate) use info::range_text;
 pub use info::{MeshInfo, StoreInfo, TimeInfo, VersionInfo};

@@ -5,10 +5,13 @@
 //! first. It is removed only once the new one is in place. If the target is a link, the store that it points to is replaced, and the link
 //! stays.
 //!
+//! An import that can be interrupted writes to a folder with a fixed name, which stays if the run ends ([`Partial`]).
+//!
 //! A store to which steps are added begins as hard links of the old one's files ([`Staging::keep`]).
 
 use super::folder::walk;
 use super::layout;
+use super::partial::Partial;
 use crate::error::{FileError, FileResult};
 use crate::files;
 use std::collections::BTreeSet;
@@ -16,10 +19,48 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// A temporary folder beside the target of a store.
+/// Where a store is written.
+#[derive(Debug)]
+enum Place {
+    /// A folder that a failure removes.
+    Temporary(TempDir),
+    /// A folder from which another run goes on.
+    Partial(Partial),
+}
+
+impl Place {
+    fn path(&self) -> &Path {
+        match self {
+            Self::Temporary(dir) => dir.path(),
+            Self::Partial(partial) => partial.store(),
+        }
+    }
+
+    /// The folder has become the store, and must not be removed.
+    fn moved(self) -> FileResult<()> {
+        match self {
+            Self::Temporary(dir) => _ = dir.keep(),
+            Self::Partial(partial) => partial.close()?,
+        }
+        Ok(())
+    }
+
+    /// Removes the folder, which holds the replaced store.
+    fn remove(self) -> FileResult<()> {
+        match self {
+            Self::Temporary(dir) => {
+                let path = dir.path().to_owned();
+                dir.close().map_err(|e| FileError::io(path, "remove the replaced store", &e))
+            }
+            Self::Partial(partial) => partial.close(),
+        }
+    }
+}
+
+/// A folder beside the target of a store, in which it is written.
 #[derive(Debug)]
 pub(super) struct Staging {
-    dir: TempDir,
+    dir: Place,
     target: PathBuf,
     overwrite: bool,
     /// Files linked from the old store: they are on the medium already.
@@ -31,8 +72,24 @@ impl Staging {
     pub(super) fn begin(target: &Path, overwrite: bool) -> FileResult<Self> {
         check_target(target, overwrite)?;
         let target = behind_link(target)?;
-        let dir = files::sibling_folder(&target, "tmp")?;
+        let dir = Place::Temporary(files::sibling_folder(&target, "tmp")?);
         Ok(Self { dir, target, overwrite, linked: BTreeSet::new() })
+    }
+
+    /// Takes the folder of an import that can be interrupted, with what an earlier run has left there, if the target may be written.
+    pub(super) fn go_on(target: &Path, overwrite: bool) -> FileResult<Self> {
+        check_target(target, overwrite)?;
+        let target = behind_link(target)?;
+        let dir = Place::Partial(Partial::begin(&target)?);
+        Ok(Self { dir, target, overwrite, linked: BTreeSet::new() })
+    }
+
+    /// The folder of an import that can be interrupted.
+    pub(super) fn partial(&self) -> Option<&Partial> {
+        match &self.dir {
+            Place::Temporary(_) => None,
+            Place::Partial(partial) => Some(partial),
+        }
     }
 
     /// Gives the new store all files of the old one whose key (path below it, with `/`) `is_kept` confirms: hard links, or copies where the
@@ -74,6 +131,8 @@ impl Staging {
         // Another process may have written there meanwhile.
         check_target(&self.target, self.overwrite)?;
         if exists(&self.target) {
+            // The old store that comes here must not be taken for an unfinished one.
+            self.partial().map_or(Ok(()), Partial::complete)?;
             self.replace()
         } else {
             rename(self.dir.path(), &self.target)?;
@@ -85,8 +144,7 @@ impl Staging {
         if exchange(self.dir.path(), &self.target) {
             // The temporary folder now holds the old store.
             sync_folder(files::parent_of(&self.target))?;
-            let path = self.dir.path().to_owned();
-            return self.dir.close().map_err(|e| FileError::io(path, "remove the replaced store", &e));
+            return self.dir.remove();
         }
         self.replace_in_two_moves()
     }
@@ -112,7 +170,7 @@ impl Staging {
 
     /// The temporary folder has become the store, and must not be removed.
     fn installed(self) -> FileResult<()> {
-        let _gone = self.dir.keep();
+        self.dir.moved()?;
         sync_folder(files::parent_of(&self.target))
     }
 }
@@ -188,6 +246,12 @@ fn sync_tree(root: &Path, linked: &BTreeSet<PathBuf>) -> FileResult<()> {
     sync_folder(root)
 }
 
+/// Flushes everything below and including `root`.
+pub(super) fn sync_store(root: &Path) -> FileResult<()> {
+    // In one operation where there is one: chunks written long ago need not be opened again.
+    if sync_file_system(root) { Ok(()) } else { sync_tree(root, &BTreeSet::new()) }
+}
+
 /// Flushes all of the file system that `root` is on, in one operation; whether that was possible.
 #[cfg(target_os = "linux")]
 fn sync_file_system(root: &Path) -> bool {
@@ -201,13 +265,13 @@ fn sync_file_system(_root: &Path) -> bool {
 }
 
 #[cfg(unix)]
-fn sync_folder(path: &Path) -> FileResult<()> {
+pub(super) fn sync_folder(path: &Path) -> FileResult<()> {
     File::open(path).and_then(|f| f.sync_all()).map_err(|e| FileError::io(path, "flush", &e))
 }
 
 /// Folders cannot be flushed on other systems.
 #[cfg(not(unix))]
-fn sync_folder(_path: &Path) -> FileResult<()> {
+pub(super) fn sync_folder(_path: &Path) -> FileResult<()> {
     Ok(())
 }
 

@@ -57,8 +57,14 @@ impl StoreWriter {
     /// If something exists there and is no tetreel store or `overwrite` is not set, or its folder cannot be written.
     pub fn create(target: &Path, overwrite: bool) -> FileResult<Self> {
         let staging = Staging::begin(target, overwrite)?;
-        layout::write_group(staging.path(), "mesh", &Map::new())?;
-        Ok(Self::at(staging))
+        let writer = Self::at(staging);
+        writer.write_groups()?;
+        Ok(writer)
+    }
+
+    /// Writes the groups that have no attributes.
+    pub(super) fn write_groups(&self) -> FileResult<()> {
+        layout::write_group(self.staging.path(), "mesh", &Map::new())
     }
 
     pub(super) fn at(staging: Staging) -> Self {
@@ -197,13 +203,23 @@ impl FieldWriter {
         &self.description.name
     }
 
+    /// Its group below the root.
+    pub(super) fn group(&self) -> String {
+        format!("{}/{}", fields_of(self.description.values_of), self.folder)
+    }
+
+    /// The checksum of a step's values.
+    pub(super) fn checksum(values: &[f32]) -> u32 {
+        crc32c::crc32c(&to_bytes(values))
+    }
+
     /// Takes the values of the next step, one per vertex or cell of the source. A magnitude's values are not stored.
     ///
     /// # Errors
     /// If a file cannot be written.
     pub fn push(&mut self, values: &[f32]) -> FileResult<()> {
         if let Some(checksums) = &mut self.checksums {
-            checksums.push(crc32c::crc32c(&to_bytes(values)));
+            checksums.push(Self::checksum(values));
         }
         match &mut self.content {
             Content::Encoded(encoder) => encoder.push(values, &mut self.sink),
@@ -216,7 +232,7 @@ impl FieldWriter {
     /// # Errors
     /// If a file cannot be written.
     pub fn finish(mut self, moments: &Moments) -> FileResult<WrittenField> {
-        let group = format!("{}/{}", fields_of(self.description.values_of), self.folder);
+        let group = self.group();
         let (codec, magnitude_of, encoded) = match self.content {
             Content::Encoded(encoder) => (encoder.name(), Vec::new(), encoder.finish(&mut self.sink)?),
             Content::MagnitudeOf(components) => {
