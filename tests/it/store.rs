@@ -10,6 +10,7 @@ mod histograms;
 mod interop;
 mod properties;
 mod replace;
+mod resume;
 mod round_trip;
 mod vq;
 

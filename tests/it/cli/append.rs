@@ -6,7 +6,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// Long enough for a busy machine; nothing waits so long unless it fails.
-const PATIENCE: Duration = Duration::from_secs(60);
+pub(super) const PATIENCE: Duration = Duration::from_secs(60);
 
 impl Place {
     /// A collection of the first `steps` steps of the tornado, whose files are all there.
@@ -116,10 +116,10 @@ fn what_does_not_fit_is_refused_and_the_store_stays() {
 }
 
 /// The command running, and ended with the test.
-struct Running(Child);
+pub(super) struct Running(pub(super) Child);
 
 impl Running {
-    fn start(place: &Place, args: &[&str]) -> Self {
+    pub(super) fn start(place: &Place, args: &[&str]) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tetreel"));
         command.args(args).current_dir(place.path("")).stdout(Stdio::piped()).stderr(Stdio::piped());
         Self(command.spawn().unwrap())
@@ -127,7 +127,7 @@ impl Running {
 
     /// Presses Ctrl-C; the exit code and what was said on stderr.
     #[cfg(unix)]
-    fn interrupt(mut self) -> (Option<i32>, String) {
+    pub(super) fn interrupt(mut self) -> (Option<i32>, String) {
         let kill = Command::new("kill").args(["-INT", &self.0.id().to_string()]).status().unwrap();
         assert!(kill.success());
         let mut text = String::new();

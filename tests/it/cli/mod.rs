@@ -8,6 +8,7 @@ mod movie;
 mod places;
 mod project;
 mod render;
+mod resume;
 mod surfaces;
 
 use serde_json::Value;
