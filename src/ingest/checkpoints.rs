@@ -2,7 +2,7 @@
 //!
 //! At the end of a block nothing waits in an encoder, so that statistics and a few numbers are all that a run needs to go on bit for bit
 //! where another one was. They are some 20 bytes a vertex and field (`vq`: 28), a handful of steps, and everything before them must reach
-//! the medium first; so they are written after so many seconds of work, and take no more than one part in [`COST_SHARE`] of the time.
+//! the medium first; so they are written after so many seconds of work, and each is followed by at least 19 times as much work as it took.
 //!
 //! Source, mesh, fields, codec and the steps so far must be the same as before. The last of these steps is read again, and must have the
 //! same values; others are not.
@@ -24,7 +24,7 @@ pub struct Checkpoints {
     pub pause: Duration,
 }
 
-/// Part of the time of an import that its checkpoints may take: one in so many.
+/// Part of the time from one checkpoint to the end of the next that one may take: one in so many.
 const COST_SHARE: u32 = 20;
 
 /// What decides the result beside the values: subjects, each with some lines.
@@ -218,9 +218,6 @@ impl<'a> Keeper<'a> {
         let Some(folder) = self.writer.partial().filter(|_| self.kept > 0) else { return };
         let why = if matches!(error, IngestError::Cancelled) { "interrupted" } else { "failed" };
         let (kept, all) = (self.kept, self.steps.len());
-        progress.say(&format!(
-            "{why}; {} has {kept} of {all} steps, from which the same command goes on",
-            folder.display()
-        ));
+        progress.say(&format!("{why}; {} has {kept} of {all} steps, kept for --resume", folder.display()));
     }
 }

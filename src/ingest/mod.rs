@@ -98,6 +98,7 @@ pub fn ingest(
     let first = done.saturating_sub(1);
     let job = Job { source, fields: &fields, steps: &steps[first..], cancel };
     let mut pass = Pass::new(job, order, counts, targets);
+    pass.if_changed = writer.remedy().unwrap_or(pass.if_changed);
     let keeper = options.checkpoints.map(|checkpoints| (&options.codec, checkpoints));
     let mut keeper = keeper.map(|how| Keeper::new((source, &writer), recipe, &steps, how, done));
     let mut after = |done: usize, targets: &[Vec<Target>]| keeper.as_mut().map_or(Ok(()), |k| k.after(done, targets));

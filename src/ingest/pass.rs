@@ -7,7 +7,7 @@ use super::report::{IngestError, StageSeconds};
 use super::stream::{Job, Stream, with_stream};
 use crate::codec::magnitude;
 use crate::error::{FileError, FileResult};
-use crate::field::{Association, Component, SeriesSource};
+use crate::field::{Association, Component};
 use crate::moments::{Moments, StepSummary};
 use crate::slowdown::{Slow, waste};
 use crate::store::{FieldWriter, range_text};
@@ -39,6 +39,8 @@ pub(super) struct Pass<'a> {
     magnitude: Vec<f32>,
     pub(super) seconds: StageSeconds,
     pub(super) values_read: u64,
+    /// What to do if steps that are read again have changed.
+    pub(super) if_changed: String,
 }
 
 impl<'a> Pass<'a> {
@@ -53,6 +55,7 @@ impl<'a> Pass<'a> {
             magnitude: Vec::new(),
             seconds: StageSeconds::default(),
             values_read: 0,
+            if_changed: "import the series again".to_owned(),
         }
     }
 
@@ -130,7 +133,6 @@ impl<'a> Pass<'a> {
     /// Computes and encodes the outputs of a field whose components are complete.
     fn emit(&mut self, index: usize, at: usize) -> FileResult<()> {
         let field = &self.job.fields[index];
-        let source = self.job.source;
         for (output, target) in field.outputs.iter().zip(&mut self.targets[index]) {
             let start = Instant::now();
             let values = match output.component {
@@ -147,7 +149,10 @@ impl<'a> Pass<'a> {
             let ordered = Instant::now();
             match target.moments.steps().get(at).map(|step| step.range) {
                 None => _ = target.moments.add_step(values),
-                Some(range) => check_again(source, target, at, values, range)?,
+                Some(range) => check_again(target, at, values, range).map_err(|(place, problem)| {
+                    let error = FileError::invalid(self.job.source.describe(), place, problem);
+                    error.remedy(self.if_changed.clone())
+                })?,
             }
             let reduced = Instant::now();
             if at >= target.first_step {
@@ -161,21 +166,17 @@ impl<'a> Pass<'a> {
     }
 }
 
-/// Fails unless a step that is read again has the same values as before, or, where their checksum is not known, the same range.
-fn check_again(
-    source: &dyn SeriesSource,
-    target: &Target,
-    at: usize,
-    values: &[f32],
-    before: Option<[f32; 2]>,
-) -> FileResult<()> {
+/// Fails unless a step that is read again has the same values as before, or, where their checksum is not known, the same range. An error is
+/// the place and the problem.
+fn check_again(target: &Target, at: usize, values: &[f32], before: Option<[f32; 2]>) -> Result<(), (String, String)> {
     let now = StepSummary::of(values).range;
     let bits = |range: Option<[f32; 2]>| range.map(|r| r.map(f32::to_bits));
-    if target.writer.had(at, values).unwrap_or(bits(now) == bits(before)) {
+    let is_in_range = bits(now) == bits(before);
+    if target.writer.had(at, values).unwrap_or(is_in_range) {
         return Ok(());
     }
     let [now, before] = [now, before].map(range_text);
-    let problem = format!("has other values than when it was imported: {now} instead of {before}");
+    let how = if is_in_range { "in the same range".to_owned() } else { format!("{now} instead of {before}") };
     let place = format!("field '{}', step {at} of the store", target.writer.name());
-    Err(FileError::invalid(source.describe(), place, problem).remedy("import the series again"))
+    Err((place, format!("has other values than when it was imported: {how}")))
 }

@@ -28,7 +28,7 @@ pub enum IngestError {
         error: MeshError,
     },
     /// The import was cancelled.
-    #[error("cancelled; nothing was written")]
+    #[error("cancelled; no store was written")]
     Cancelled,
 }
 

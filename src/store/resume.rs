@@ -34,6 +34,11 @@ impl StoreWriter {
         self.staging.partial().map(|partial| partial.root())
     }
 
+    /// What to do if another run cannot go on with a store that it could.
+    pub fn remedy(&self) -> Option<String> {
+        self.partial().map(without)
+    }
+
     /// Makes everything durable that was written, and replaces the checkpoint by what `fill` writes. Without a folder for it, does nothing.
     ///
     /// # Errors

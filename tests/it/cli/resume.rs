@@ -78,7 +78,7 @@ fn ctrl_c_says_what_is_kept() {
     let place = Place::with_series();
     let (code, said) = place.start_import().interrupt();
     assert_eq!(code, Some(130), "{said}");
-    assert!(said.contains("interrupted; t.zarr.partial has ") && said.contains("the same command goes on"), "{said}");
+    assert!(said.contains("interrupted; t.zarr.partial has ") && said.contains("kept for --resume"), "{said}");
     place.finish();
 }
 
