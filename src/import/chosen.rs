@@ -89,6 +89,14 @@ impl SeriesSource for Chosen {
         self.source.check(step)
     }
 
+    fn counted(&self, last: usize) -> serde_json::Value {
+        self.source.counted(last)
+    }
+
+    fn count_on(&self, counted: &serde_json::Value) {
+        self.source.count_on(counted);
+    }
+
     fn blocks(&self) -> FileResult<Option<Blocks>> {
         let Some(mut blocks) = self.source.blocks()? else { return Ok(None) };
         gather(&mut blocks.of_cell, &self.kept);

@@ -238,6 +238,11 @@ impl<S: StepReader> Series<S> {
         Ok(())
     }
 
+    /// All that is counted.
+    fn tallies(&self) -> [&Tally; 4] {
+        [&self.overflows, &self.differing, &self.missing, &self.moved]
+    }
+
     /// Values of a field that no file has, of all pieces; `None` if a file has it.
     fn made(&self, field: &FieldInfo, component: Component, loaded: &S) -> FileResult<Option<Vec<f64>>> {
         let made = self.made.iter().find(|made| made.info == *field);
@@ -352,12 +357,14 @@ impl<S: StepReader> SeriesSource for Series<S> {
     }
 
     fn counted(&self, last: usize) -> serde_json::Value {
-        [&self.overflows, &self.differing, &self.missing].map(|tally| tally.counted(last)).into_iter().collect()
+        self.tallies().map(|tally| tally.counted(last)).into_iter().collect()
     }
 
     fn count_on(&self, counted: &serde_json::Value) {
-        let tallies = [&self.overflows, &self.differing, &self.missing].into_iter();
-        tallies.zip(counted.as_array().into_iter().flatten()).for_each(|(tally, counted)| tally.count_on(counted));
+        self.tallies()
+            .into_iter()
+            .zip(counted.as_array().into_iter().flatten())
+            .for_each(|(tally, counted)| tally.count_on(counted));
     }
 
     fn notes(&self) -> Vec<String> {
