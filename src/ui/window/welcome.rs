@@ -30,7 +30,7 @@ impl PathBox {
         ui.horizontal(|ui| {
             let edit = egui::TextEdit::singleline(&mut self.text)
                 .hint_text(format!("path of a .zarr, {}", Format::common_extensions()));
-            let response = labelled(ui.add(edit.desired_width(320.0)), "Path to open");
+            let response = labelled(ui.add(edit.desired_width(320.0)), "Path to open").on_hover_text(all_formats());
             is_entered = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
             // Typing goes to the box, from the first letter on.
             if !is_entered && ui.memory(|memory| memory.focused().is_none()) {
@@ -42,6 +42,11 @@ impl PathBox {
         let text = self.text.trim().trim_matches(['"', '\'']);
         (is_entered && !text.is_empty()).then(|| PathBuf::from(text))
     }
+}
+
+/// What is read beside stores, of which there is room for the common formats alone.
+fn all_formats() -> String {
+    format!("All that is read: {}", Format::list())
 }
 
 /// Recent files; returns the chosen one.
@@ -64,7 +69,8 @@ pub(super) fn show(ui: &mut Ui, path_box: &mut PathBox, files: &[RecentFile]) ->
         ui.add_space(0.25 * ui.available_height());
         ui.heading("tetreel");
         ui.add_space(8.0);
-        ui.label(format!("Drop a store (.zarr) or files of a simulation ({}) here,", Format::common_extensions()));
+        ui.label(format!("Drop a store (.zarr) or files of a simulation ({}) here,", Format::common_extensions()))
+            .on_hover_text(all_formats());
         ui.label("or name one:");
         ui.add_space(8.0);
         ui.allocate_ui_with_layout(egui::vec2(400.0, 24.0), Layout::left_to_right(Align::Center), |ui| {
