@@ -28,7 +28,7 @@ pub use report::{FieldReport, IngestError, IngestReport, StageSeconds};
 
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, SeriesSource, TimeAxis};
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, RepairReport};
 use crate::moments::Moments;
 use crate::store::{FieldDescription, FieldWriter, MeanWeights, SourcePoints, StoreWriter};
 use crate::task::{Cancel, Progress};
@@ -62,38 +62,22 @@ pub fn ingest(
         Some(_) => StoreWriter::go_on(out, options.overwrite)?,
     };
 
-    let raw = source.mesh().map_err(IngestError::Source)?;
-    let counts = [raw.points.len(), raw.cells.len()];
-    let (points, line) = (SourcePoints::of(&raw.points), checkpoints::line_of(&raw));
-    check_cancel(cancel)?;
-    let (mesh, repair) =
-        Mesh::build(raw).map_err(|error| IngestError::Mesh { source_name: source.describe(), error })?;
-    let repair = repair.with_cell_numbers(|cell| source.cell_number(cell));
-    let recipe = checkpoints::recipe(source, &fields, &options.codec, &line, &mesh);
+    let built = BuiltMesh::of(source, cancel)?;
+    let (counts, cells, repair) = (built.counts, built.mesh.topology.tets.len(), built.repair.clone());
+    let recipe = checkpoints::recipe(source, &fields, &options.codec, &built.line, &built.mesh);
     let resumed = checkpoint.map(|from| Resumed::of(from, &recipe, source, &steps)).transpose()?;
-    writer.write_mesh(&mesh, &repair)?;
-    if let Some(blocks) = source.blocks().map_err(IngestError::Source)? {
-        writer.write_blocks(&blocks, &mesh.cell_source)?;
-    }
-    let cells = mesh.topology.tets.len();
-    let (order, positions) = ValueOrder::new(mesh, &fields);
-    writer.write_source_points(&positions, order.vertex_source(), &points)?;
-    drop((points, positions));
+    let order = built.write(source, &fields, &mut writer)?;
     writer.write_times(&TimeAxis { values: times })?;
     let mesh_seconds = start.elapsed().as_secs_f64();
 
     let [vertices, of_cells] = [Association::Point, Association::Cell].map(|of| order.count(of));
     let mut targets: Vec<Vec<Target>> =
         fields.iter().map(|f| targets(f, order.count(f.values_of()), &options.codec, &mut writer)).collect();
-    let done = match resumed {
-        None => 0,
-        Some(resumed) => {
-            let done = resumed.restore(&mut targets, &options.codec, &writer)?;
-            let folder = writer.partial().unwrap_or(out).display();
-            progress.say(&format!("{folder}: goes on at step {} of {}", done + 1, steps.len()));
-            done
-        }
-    };
+    let done = resumed.map_or(Ok(0), |resumed| resumed.restore(&mut targets, &options.codec, &writer))?;
+    if done > 0 {
+        let folder = writer.partial().unwrap_or(out).display();
+        progress.say(&format!("{folder}: goes on at step {} of {}", done + 1, steps.len()));
+    }
     // The last step that was done is read again, to compare it.
     let first = done.saturating_sub(1);
     let job = Job { source, fields: &fields, steps: &steps[first..], cancel };
@@ -131,6 +115,47 @@ pub fn ingest(
         seconds,
         megabytes_per_second: bytes_read as f64 / 1e6 / seconds.total.max(f64::MIN_POSITIVE),
     })
+}
+
+/// The mesh of a source, repaired.
+struct BuiltMesh {
+    mesh: Mesh,
+    repair: RepairReport,
+    /// Number of points and of cells in the source.
+    counts: [usize; 2],
+    /// The points of the source.
+    points: SourcePoints,
+    /// What checkpoints compare of points and cells.
+    line: String,
+}
+
+impl BuiltMesh {
+    fn of(source: &dyn SeriesSource, cancel: &Cancel) -> Result<Self, IngestError> {
+        let raw = source.mesh().map_err(IngestError::Source)?;
+        let counts = [raw.points.len(), raw.cells.len()];
+        let (points, line) = (SourcePoints::of(&raw.points), checkpoints::line_of(&raw));
+        check_cancel(cancel)?;
+        let (mesh, repair) =
+            Mesh::build(raw).map_err(|error| IngestError::Mesh { source_name: source.describe(), error })?;
+        let repair = repair.with_cell_numbers(|cell| source.cell_number(cell));
+        Ok(Self { mesh, repair, counts, points, line })
+    }
+
+    /// Writes the mesh and all about it; returns the order of values in the store.
+    fn write(
+        self,
+        source: &dyn SeriesSource,
+        fields: &[PlannedField],
+        writer: &mut StoreWriter,
+    ) -> Result<ValueOrder, IngestError> {
+        writer.write_mesh(&self.mesh, &self.repair)?;
+        if let Some(blocks) = source.blocks().map_err(IngestError::Source)? {
+            writer.write_blocks(&blocks, &self.mesh.cell_source)?;
+        }
+        let (order, positions) = ValueOrder::new(self.mesh, fields);
+        writer.write_source_points(&positions, order.vertex_source(), &self.points)?;
+        Ok(order)
+    }
 }
 
 /// Checks that the source has the fields and units that `options` names; reads and writes nothing.
