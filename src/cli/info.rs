@@ -2,7 +2,7 @@
 
 use super::progress::Terminal;
 use super::{Outcome, print_result};
-use crate::field::{Association, Block, FieldInfo, SeriesSource};
+use crate::field::{Association, FieldInfo, SeriesSource};
 use crate::import::{self, Format};
 use crate::short::Short;
 use crate::store::{BlockInfo, Store, TimeInfo, is_store};
@@ -79,14 +79,7 @@ impl SourceInfo {
             let grow = |[low, high]: [DVec3; 2], point: DVec3| [low.min(point), high.max(point)];
             finite.fold([first; 2], grow).map(|corner| corner.to_array())
         });
-        let blocks = series.blocks()?.map_or(Vec::new(), |blocks| {
-            let info = |(block, cells): (&Block, usize)| BlockInfo {
-                number: block.number,
-                name: block.name.clone(),
-                cells: cells as u64,
-            };
-            blocks.blocks.iter().zip(blocks.counts()).map(info).collect()
-        });
+        let blocks = series.blocks()?.as_ref().map_or(Vec::new(), BlockInfo::all);
         let times = &series.times().values;
         let [first, last] = [times.first(), times.last()].map(|time| time.copied().unwrap_or_default());
         let field = |info: &FieldInfo| SourceField { info: info.clone(), units: series.unit(info) };
@@ -114,9 +107,7 @@ impl fmt::Display for SourceInfo {
         if let Some([low, high]) = bounds {
             writeln!(f, "bounds   {low:?} to {high:?}")?;
         }
-        for BlockInfo { number, name, cells } in blocks {
-            writeln!(f, "block    {number} {name}: {cells} cells")?;
-        }
+        blocks.iter().try_for_each(|block| writeln!(f, "{block}"))?;
         let [first, last] = [self.time.first, self.time.last].map(Short);
         writeln!(f, "time     {} steps, {first} to {last}", self.time.steps)?;
         for SourceField { info: FieldInfo { name, components, association }, units } in &self.fields {

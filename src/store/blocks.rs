@@ -8,6 +8,7 @@ use crate::error::{FileError, FileResult};
 use crate::field::{Block, Blocks};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, json};
+use std::fmt;
 use std::path::Path;
 
 /// Name of the array, and of its attribute that lists the blocks.
@@ -25,6 +26,26 @@ pub struct BlockInfo {
     pub cells: u64,
 }
 
+impl BlockInfo {
+    /// The blocks, with the numbers of their cells of the source.
+    pub fn all(blocks: &Blocks) -> Vec<Self> {
+        let info = |(block, cells): (&Block, usize)| Self {
+            number: block.number,
+            name: block.name.clone(),
+            cells: cells as u64,
+        };
+        blocks.blocks.iter().zip(blocks.counts()).map(info).collect()
+    }
+}
+
+impl fmt::Display for BlockInfo {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { number, name, cells } = self;
+        let name = if *name == number.to_string() { String::new() } else { format!(" {name}") };
+        write!(f, "block    {number}{name}: {cells} cells")
+    }
+}
+
 /// Writes the number of the block of each cell of a mesh, `cell_source` being its cell of the source; nothing for a single block.
 pub(super) fn write(root: &Path, blocks: &Blocks, cell_source: &[u32]) -> FileResult<()> {
     if blocks.blocks.len() < 2 {
@@ -35,13 +56,7 @@ pub(super) fn write(root: &Path, blocks: &Blocks, cell_source: &[u32]) -> FileRe
         blocks.of_cell.get(cell as usize).copied().ok_or_else(missing)
     };
     let numbers = cell_source.iter().map(of_source).collect::<FileResult<Vec<u32>>>()?;
-    let info = |(block, cells): (&Block, usize)| BlockInfo {
-        number: block.number,
-        name: block.name.clone(),
-        cells: cells as u64,
-    };
-    let list: Vec<BlockInfo> = blocks.blocks.iter().zip(blocks.counts()).map(info).collect();
-    let attributes = Map::from_iter([(LIST.to_owned(), json!(list))]);
+    let attributes = Map::from_iter([(LIST.to_owned(), json!(BlockInfo::all(blocks)))]);
     ArrayWriter::new(root, MESH).write(NAME, column(&numbers), ["cell", ""], attributes)
 }
 

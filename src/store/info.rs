@@ -105,9 +105,7 @@ impl fmt::Display for StoreInfo {
         if let Some([lo, hi]) = self.mesh.bounds {
             writeln!(f, "bounds   {lo:?} to {hi:?}")?;
         }
-        for BlockInfo { number, name, cells } in &self.mesh.blocks {
-            writeln!(f, "block    {number} {name}: {cells} cells")?;
-        }
+        self.mesh.blocks.iter().try_for_each(|block| writeln!(f, "{block}"))?;
         let [first, last] = [self.time.first, self.time.last].map(Short);
         writeln!(f, "time     {} steps, {first} to {last}", self.time.steps)?;
         for field in &self.fields {
