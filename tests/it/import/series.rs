@@ -6,6 +6,9 @@ use std::path::{Path, PathBuf};
 use tetreel::error::FileErrorKind;
 use tetreel::field::{Association, Component, FieldInfo, SeriesSource};
 use tetreel::import;
+use tetreel::look::Look;
+use tetreel::pipeline::Series;
+use tetreel::task::Cancel;
 
 /// A grid to be written as ASCII `.vtu`. Starts as two tetrahedra with a point array `T` and a cell array `c`.
 #[derive(Clone)]
@@ -231,6 +234,33 @@ fn points_that_move_are_shown_where_they_were_with_their_displacement_if_that_is
     let mut source = import::open(&write_series(place.path(), &[Grid::default(), other])).expect("opens");
     source.fix_points().expect("reads the first step");
     assert!(source.check(1).expect_err("other cells").to_string().contains("other cells"));
+}
+
+#[test]
+fn a_part_that_is_far_away_is_left_out_of_the_default_view_of_the_store() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let near = Grid::default();
+    let mut grid = near.clone();
+    grid.points.extend(near.points[..4].iter().map(|[x, y, z]| [x - 3e4, *y, *z]));
+    grid.cells.push((10, vec![5, 6, 7, 8]));
+    grid.point_arrays[0].2.extend([7.0; 4]);
+    grid.cell_arrays[0].2.push(70.0);
+    let look_at = |grid: &Grid, name: &str| {
+        let source = import::open(&write_series(folder.path(), std::slice::from_ref(grid))).expect("opens");
+        let store = crate::series::ingested(&*source, &folder.path().join(name), "0..");
+        let series = Series::open(&store, None).expect("opens");
+        let look = Look::first_for(&series, &Cancel::new()).expect("a look");
+        (look, store.info().expect("reads").mesh.repair["far_parts"].clone())
+    };
+    let (alone, none) = look_at(&near, "near.zarr");
+    let (with_far, found) = look_at(&grid, "far.zarr");
+    assert!(none.is_null());
+    assert_eq!((&found["parts"], &found["cells"], &found["cell"]), (&1.into(), &1.into(), &2.into()));
+    // Positions are rounded in a box that is 2^14 times as large.
+    let near = |a: f64, b: f64| (a - b).abs() < 1e-2 * b.abs().max(1.0);
+    assert!((alone.camera.position - with_far.camera.position).length() < 1e-2, "{:?}", with_far.camera);
+    assert!(near(alone.lengths.unit_distance, with_far.lengths.unit_distance));
+    assert!(with_far.lengths.longest_path > 3e4, "tables are for paths through all");
 }
 
 #[test]
