@@ -311,10 +311,10 @@ fn read_selection(dataset: &Dataset, number: Number, selection: &SliceInfo) -> h
     with_type!(number, T => {
         if is_enumeration {
             let selected = dataset.read_slice::<Stored<{ size_of::<T>() }>>(selection)?;
-            return Ok(selected.iter().flat_map(|stored| stored.0).collect());
+            return Ok(selected.iter().map(|stored| stored.0).collect::<Vec<_>>().into_flattened());
         }
         let selected = dataset.read_slice::<T>(selection)?;
-        Ok(selected.iter().flat_map(|number| number.to_le_bytes()).collect())
+        Ok(selected.iter().map(|number| number.to_le_bytes()).collect::<Vec<_>>().into_flattened())
     })
 }
 
