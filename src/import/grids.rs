@@ -68,7 +68,7 @@ pub(super) struct GridPiece {
 
 enum OfFile {
     Xml(VtuPiece),
-    Legacy(LegacyFile),
+    Legacy(Box<LegacyFile>),
 }
 
 impl StepReader for GridStep {
@@ -85,7 +85,7 @@ impl StepReader for GridStep {
             if is_legacy(path) {
                 let file = LegacyFile::open(path)?;
                 step.bytes += file.size();
-                step.pieces.push(piece(OfFile::Legacy(file)));
+                step.pieces.push(piece(OfFile::Legacy(Box::new(file))));
             } else {
                 let (bytes, pieces) = VtuPiece::all(path)?;
                 step.bytes += bytes;

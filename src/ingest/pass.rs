@@ -43,6 +43,9 @@ pub(super) struct Pass<'a> {
     pub(super) if_changed: String,
 }
 
+/// Is told of each new step: the number of steps of the store so far, and its fields.
+pub(super) type AfterStep<'a> = dyn FnMut(usize, &[Vec<Target>]) -> FileResult<()> + 'a;
+
 impl<'a> Pass<'a> {
     pub(super) fn new(job: Job<'a>, order: ValueOrder, counts: [usize; 2], targets: Vec<Vec<Target>>) -> Self {
         let most = job.fields.iter().map(|f| f.reads.len()).max().unwrap_or(0);
@@ -66,7 +69,7 @@ impl<'a> Pass<'a> {
         stage: &str,
         first: usize,
         progress: &dyn Progress,
-        after: &mut dyn FnMut(usize, &[Vec<Target>]) -> FileResult<()>,
+        after: &mut AfterStep<'_>,
     ) -> Result<Duration, IngestError> {
         let job = self.job;
         progress.begin(stage, job.steps.len() as u64, "steps");
