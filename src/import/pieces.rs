@@ -85,15 +85,6 @@ pub(super) fn fields_of(pieces: &[impl Piece]) -> (Vec<FieldInfo>, Vec<String>) 
     (fields, left_out)
 }
 
-/// The units of fields that all pieces have, as the first piece says them.
-pub(super) fn units_of(pieces: &[impl Piece], fields: &[FieldInfo]) -> Vec<Option<String>> {
-    let mut places = HashMap::new();
-    for (array, field) in pieces.first().map(Piece::arrays).unwrap_or_default().into_iter().enumerate() {
-        places.entry(field).or_insert(array);
-    }
-    fields.iter().map(|field| pieces.first()?.unit(*places.get(field)?)).collect()
-}
-
 /// Reads a field of a piece; `None` if the piece has no such array. `step` is for messages.
 ///
 /// # Errors

@@ -4,7 +4,7 @@ use super::cache::StepCache;
 use super::cells::GridReader;
 use super::joints::{Joints, agree, coincident, of_one_number};
 use super::made::{Made, blocks_of};
-use super::pieces::{Piece, decode, fields_of, units_of};
+use super::pieces::{Piece, decode, fields_of};
 use super::tally::Tally;
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, Blocks, Component, FieldInfo, SeriesSource, TimeAxis};
@@ -67,8 +67,6 @@ pub(super) struct Series<S: StepReader> {
     times: TimeAxis,
     steps: Vec<S::Origin>,
     fields: Vec<FieldInfo>,
-    /// The unit of each field in the first step.
-    units: Vec<Option<String>>,
     shape: Shape,
     /// Fields among these that no file has.
     made: Vec<Made>,
@@ -142,7 +140,6 @@ impl<S: StepReader> Series<S> {
             left_out.dedup();
             notes.push(format!("left out {} arrays: {}", left_out.len(), left_out.join(", ")));
         }
-        let units = units_of(first.reader.pieces(), &fields);
         let (joints, apart) = joints_of(&first, &grid.mesh, &fields)?;
         if let Some(joints) = &joints {
             notes.push(format!("joined {} points on borders between pieces", joints.len()));
@@ -160,7 +157,6 @@ impl<S: StepReader> Series<S> {
             times,
             steps,
             fields,
-            units,
             shape,
             made,
             notes,
@@ -264,7 +260,9 @@ impl<S: StepReader> SeriesSource for Series<S> {
     }
 
     fn unit(&self, field: &FieldInfo) -> Option<String> {
-        self.units.get(self.fields.iter().position(|known| known == field)?)?.clone()
+        let first = self.step(0).ok()?;
+        let piece = first.reader.pieces().first()?;
+        piece.unit(piece.arrays().iter().position(|array| array == field)?)
     }
 
     fn cell_number(&self, cell: u32) -> u32 {
