@@ -272,6 +272,11 @@ impl SeriesSource for Calculated {
         self.source.unit(field)
     }
 
+    fn fix_points(&mut self) -> FileResult<()> {
+        let problem = "points are fixed before fields are calculated, as these may use their displacement";
+        Err(FileError::invalid(self.describe(), "", problem))
+    }
+
     fn cell_number(&self, cell: u32) -> u32 {
         self.source.cell_number(cell)
     }

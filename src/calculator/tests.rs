@@ -178,3 +178,11 @@ fn zeros_of_divisors_are_counted_once_a_step_by_column() {
     let notes = source.notes();
     assert!(notes.iter().any(|note| note.contains("column 9: division by zero of 1 values in 1 steps")), "{notes:?}");
 }
+
+#[test]
+fn points_are_fixed_before_fields_are_calculated() {
+    let twice: Definition = "twice = 2 * p".parse().expect("a definition");
+    let mut source = calculated(Source::boxed(), &[twice], &[]).expect("a source");
+    let error = source.fix_points().expect_err("too late").to_string();
+    assert!(error.contains("before fields are calculated"), "{error}");
+}

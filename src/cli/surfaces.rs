@@ -1,6 +1,6 @@
 //! Options for surfaces.
 
-use crate::field::Association;
+use crate::field::{Association, Blocks};
 use crate::look::mapped_range;
 use crate::mesh::Mesh;
 use crate::pipeline::{ColorsBeside, Regions, Series, Shown, SurfaceLook};
@@ -184,7 +184,7 @@ fn check_regions(look: &SurfaceLook, series: &Series) -> anyhow::Result<()> {
     let Some(regions) = &look.regions else { return Ok(()) };
     let of = match series.beside(&regions.field.parse().map_err(anyhow::Error::msg)?) {
         Ok(of) => of,
-        Err(error) if regions.field == Regions::BLOCK => {
+        Err(error) if regions.field == Blocks::FIELD => {
             let numbers = series.block_numbers().map_err(|_| error)?;
             if !numbers.iter().any(|&number| regions.show(number)) {
                 bail!("--regions {regions}: no cell is of such a block");

@@ -98,10 +98,7 @@ impl SeriesSource for Chosen {
     }
 
     fn blocks(&self) -> FileResult<Option<Blocks>> {
-        let Some(mut blocks) = self.source.blocks()? else { return Ok(None) };
-        gather(&mut blocks.of_cell, &self.kept);
-        blocks.blocks.retain(|block| blocks.of_cell.contains(&block.number));
-        Ok(Some(blocks))
+        Ok(self.source.blocks()?.map(|blocks| blocks.of_cells(&self.kept)))
     }
 
     fn fix_points(&mut self) -> FileResult<()> {

@@ -12,7 +12,7 @@ use std::path::Path;
 pub(super) const COMPONENTS_MAX: u64 = 1 << 16;
 
 /// Name of a block, and its number if the file has one.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct BlockName {
     pub(super) name: String,
     pub(super) number: Option<u32>,

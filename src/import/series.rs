@@ -203,9 +203,9 @@ impl<S: StepReader> Series<S> {
                 format!("the mesh changes between steps 0 and {step}: {what}"),
             )
             .remedy(match step {
-                1 => "import only steps with the same mesh; with --fixed-points points may move".to_owned(),
+                1 => "import only steps with the same mesh; or import it with --fixed-points, which lets points move".to_owned(),
                 _ => format!(
-                    "import only steps with the same mesh, as those before it (--steps 0..{}); with --fixed-points points may move",
+                    "import only steps with the same mesh, as those before it (--steps 0..{}); or import it with --fixed-points, which lets points move",
                     step - 1
                 ),
             })
@@ -240,9 +240,9 @@ impl<S: StepReader> Series<S> {
     }
 
     /// Values of a field that no file has, of all pieces; `None` if a file has it.
-    fn made(&self, field: &FieldInfo, component: Component, loaded: &S) -> FileResult<Option<Vec<f64>>> {
+    fn made(&self, field: &FieldInfo, component: Component, step: usize, loaded: &S) -> FileResult<Option<Vec<f64>>> {
         let made = self.made.iter().find(|made| made.info == *field);
-        made.map(|made| made.values(component, loaded)).transpose()
+        made.map(|made| made.values(component, (step, loaded))).transpose()
     }
 }
 
@@ -299,7 +299,7 @@ impl<S: StepReader> SeriesSource for Series<S> {
         let loaded = self.step(step)?;
         let index = if let Component::Index(index) = component { index } else { 0 };
         self.check_field(field, index, loaded.reader.path())?;
-        if let Some(values) = self.made(field, component, &loaded.reader)? {
+        if let Some(values) = self.made(field, component, step, &loaded.reader)? {
             out.extend(values.into_iter().map(|value| value as f32));
             self.shape.select(field.association, out, |_, _| true);
             return Ok(());
@@ -327,7 +327,7 @@ impl<S: StepReader> SeriesSource for Series<S> {
         out.clear();
         let loaded = self.step(step)?;
         self.check_field(field, component, loaded.reader.path())?;
-        if let Some(values) = self.made(field, Component::Index(component), &loaded.reader)? {
+        if let Some(values) = self.made(field, Component::Index(component), step, &loaded.reader)? {
             *out = values;
             self.shape.select(field.association, out, |_, _| true);
             return Ok(());

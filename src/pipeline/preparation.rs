@@ -12,7 +12,7 @@ use super::{
     Upsampling,
 };
 use crate::camera::{Samples, View};
-use crate::field::{Association, FieldSelector, Scalars};
+use crate::field::{Association, Blocks, FieldSelector, Scalars};
 use crate::lod::Selector;
 use crate::mesh::Plane;
 use crate::node_table::NodeTable;
@@ -134,7 +134,7 @@ impl Decode {
         let of = match series.beside(&selector) {
             Ok(of) => of,
             // The mesh has numbers of blocks, whatever fields were imported.
-            Err(error) if field == Regions::BLOCK => {
+            Err(error) if field == Blocks::FIELD => {
                 return series.block_numbers().map(Some).map_err(|_| error.into());
             }
             Err(error) => return Err(error.into()),

@@ -16,9 +16,6 @@ pub struct Regions {
 }
 
 impl Regions {
-    /// The name under which the blocks of a mesh are known where no field has it.
-    pub const BLOCK: &str = "block";
-
     /// Whether a cell with this value is shown.
     pub fn show(&self, value: f32) -> bool {
         self.values.iter().any(|&[from, to]| from <= value && value <= to)

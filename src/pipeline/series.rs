@@ -136,7 +136,7 @@ impl Series {
         let none = || FileError::invalid("", "", "the mesh has no blocks");
         let store = Store::open(self.beside.store.as_ref().ok_or_else(none)?)?;
         let blocks = store.blocks()?.ok_or_else(none)?;
-        // Numbers of blocks are far below 2^24, above which f32 skips some.
+        // Fields have numbers of blocks as f32, too.
         let numbers = Arc::new(blocks.of_cell.into_iter().map(|number| number as f32).collect());
         Ok(known.insert(numbers).clone())
     }

@@ -5,7 +5,7 @@ use super::blocks::Block;
 use super::netcdf::NetCdf;
 use super::vectors::{Components, joined};
 use crate::error::{FileError, FileResult};
-use crate::field::{Association, FieldInfo};
+use crate::field::{Association, Blocks, FieldInfo};
 use std::collections::HashSet;
 use std::path::Path;
 
@@ -77,7 +77,7 @@ impl Database {
             database.add_node_arrays()?;
             database.add_element_arrays()?;
         }
-        let field = FieldInfo { name: "block".to_owned(), components: 1, association: Association::Cell };
+        let field = FieldInfo { name: Blocks::FIELD.to_owned(), components: 1, association: Association::Cell };
         database.arrays.push(Array { field, source: Source::Blocks });
         Ok(database)
     }

@@ -202,7 +202,7 @@ fn points_that_move_are_shown_where_they_were_with_their_displacement_if_that_is
     let mut source = import::open(&write_series(folder.path(), &grids)).expect("opens");
     let field = source.fields()[0].clone();
     let error = source.read(&field, Component::Index(0), 1, &mut Vec::new()).expect_err("points move").to_string();
-    assert!(error.contains("--fixed-points"), "{error}");
+    assert!(error.contains("import it with --fixed-points"), "{error}");
     source.fix_points().expect("reads the first step");
     source.fix_points().expect("is done once");
     let names: Vec<_> = source.fields().iter().map(|field| (field.name.as_str(), field.components)).collect();
