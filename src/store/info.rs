@@ -125,6 +125,7 @@ impl fmt::Display for StoreInfo {
             }
             writeln!(f)?;
         }
+        self.version.notes.iter().try_for_each(|note| writeln!(f, "note     {note}"))?;
         writeln!(f, "size     {:.1} MB", self.bytes as f64 / 1e6)?;
         write!(f, "written  by tetreel {} as store {}", self.version.tetreel, self.version.store)?;
         if !self.version.source.is_empty() {

@@ -86,7 +86,11 @@ fn field(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     if session.opens_field() {
         ui.label("opening the field");
     }
-    ui.label(overlay::quality(shown));
+    let response = ui.label(overlay::quality(shown));
+    let (_, notes) = session.store().origin();
+    if !notes.is_empty() {
+        response.on_hover_text(format!("Notes of the import:\n{}", notes.join("\n")));
+    }
 }
 
 fn colors(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
