@@ -197,18 +197,15 @@ impl<S: StepReader> Series<S> {
     fn check_mesh(&self, loaded: &S, step: usize) -> FileResult<()> {
         let (points, cells) = loaded.counts();
         let changed = |what: String| {
-            FileError::unsupported(
-                loaded.path(),
-                format!("step {step}"),
-                format!("the mesh changes between steps 0 and {step}: {what}"),
-            )
-            .remedy(match step {
-                1 => "import only steps with the same mesh; or import it with --fixed-points, which lets points move".to_owned(),
-                _ => format!(
-                    "import only steps with the same mesh, as those before it (--steps 0..{}); or import it with --fixed-points, which lets points move",
-                    step - 1
-                ),
-            })
+            let before = match step {
+                // The file of the first step may be written anew while the series is open.
+                0 | 1 => String::new(),
+                _ => format!(", as those before it (--steps 0..{})", step - 1),
+            };
+            let problem = format!("the mesh changes between steps 0 and {step}: {what}");
+            let remedy = "where points alone move, import with --fixed-points";
+            FileError::unsupported(loaded.path(), format!("step {step}"), problem)
+                .remedy(format!("import only steps with the same mesh{before}; {remedy}"))
         };
         if (points, cells) != (self.shape.points, self.shape.cells) {
             let (old_points, old_cells) = (self.shape.points, self.shape.cells);

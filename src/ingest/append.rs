@@ -289,7 +289,9 @@ fn fields_of(source: &dyn SeriesSource, store: &Store, options: &AppendOptions) 
         let have: Vec<&str> = source.fields().iter().map(|f| f.name.as_str()).collect();
         let problem =
             format!("lacks what {} has: {}; it has: {}", store.path().display(), missing.join(", "), have.join(", "));
-        return Err(invalid(problem).remedy("define fields again that were calculated, with --define"));
+        return Err(invalid(problem).remedy(
+            "import as before: with --define for fields that were calculated, with --fixed-points for points that move",
+        ));
     }
     let planned = plan(&selectors, &options.units).map_err(invalid)?;
     let planned: Vec<PlannedField> = planned.into_iter().map(|field| as_stored(field, store)).collect();

@@ -202,7 +202,7 @@ fn points_that_move_are_shown_where_they_were_with_their_displacement_if_that_is
     let mut source = import::open(&write_series(folder.path(), &grids)).expect("opens");
     let field = source.fields()[0].clone();
     let error = source.read(&field, Component::Index(0), 1, &mut Vec::new()).expect_err("points move").to_string();
-    assert!(error.contains("import it with --fixed-points"), "{error}");
+    assert!(error.contains("import with --fixed-points"), "{error}");
     source.fix_points().expect("reads the first step");
     source.fix_points().expect("is done once");
     let names: Vec<_> = source.fields().iter().map(|field| (field.name.as_str(), field.components)).collect();
@@ -234,6 +234,19 @@ fn points_that_move_are_shown_where_they_were_with_their_displacement_if_that_is
     let mut source = import::open(&write_series(place.path(), &[Grid::default(), other])).expect("opens");
     source.fix_points().expect("reads the first step");
     assert!(source.check(1).expect_err("other cells").to_string().contains("other cells"));
+}
+
+#[test]
+fn a_first_step_that_was_written_anew_with_another_mesh_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let source = import::open(&write_series(folder.path(), &vec![Grid::default(); 9])).expect("opens");
+    // Those that are in memory would hide it.
+    (1..9).for_each(|step| _ = read(source.as_ref(), 0, step).expect("values"));
+    let mut other = Grid::default();
+    other.points[4][2] += 0.5;
+    fs::write(folder.path().join("a_0.vtu"), other.text()).expect("a file");
+    let error = read(source.as_ref(), 0, 0).expect_err("points have moved");
+    assert!(error.contains("a_0.vtu") && error.contains("points move"), "{error}");
 }
 
 #[test]
