@@ -1,8 +1,7 @@
 //! [`Project`]: how a series is shown and how that changes over time, as a `.toml` file (`docs/projects.md`).
 //!
 //! A project names a dataset and a field, keeps ensembles of transfer functions, and on one timeline the keys of what changes: ensembles,
-//! range maps of their members, camera, level of detail, optics. [`Animation`] evaluates it at a time; [`Edit`] changes it, and [`History`]
-//! undoes changes.
+//! range maps of their members, camera, level of detail, optics. [`Animation`] evaluates it at a time; [`Edit`] changes it.
 
 mod animation;
 mod edit;
@@ -12,7 +11,7 @@ mod settings;
 mod tests;
 
 pub use animation::Animation;
-pub use edit::{Edit, History, TrackEdit};
+pub use edit::{Edit, TrackEdit};
 pub use settings::{Data, LookSettings, MapTrack, Output, Timeline};
 
 use crate::camera::CameraError;
