@@ -55,8 +55,6 @@ pub enum EnsembleChoice {
     Project,
     /// The ensemble of this index (from 0), at all times.
     One(usize),
-    /// No ensemble: the user's own colours and opacities.
-    Own,
 }
 
 /// Which settings come from the project; the others are the user's.

@@ -9,13 +9,13 @@ use crate::import::Format;
 use crate::ingest::Origin;
 use crate::look::{DEFAULT_TF, Look};
 use crate::pipeline::{PipelinedOptions, Series};
-use crate::project::{Animation, Project};
+use crate::project::{Animation, Project, is_project};
 use crate::store::{Store, is_store};
 use crate::task::Cancel;
 use crate::transfer::{Space, TransferFunction};
 use crate::ui::opening::{Opened, OpeningOptions};
 use crate::ui::settings::SettingsFile;
-use crate::ui::window::{self, Dress, Dressed, Start, WindowOptions};
+use crate::ui::window::{self, Dress, Dressed, ReadProject, Start, WindowOptions};
 use anyhow::{Context, bail};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -63,13 +63,14 @@ fn parse_color(text: &str) -> Result<[f32; 3], String> {
 /// Runs the command; `words` are the whole command line, which overrides a project.
 pub(super) fn run(args: &Args, words: &[OsString], terminal: &Terminal) -> anyhow::Result<Outcome> {
     match &*args.paths {
-        [path] if project::is_project(path) => {
+        [path] if is_project(path) => {
             let opened = project::open::<Args>(path, words, project::Taker::Play)?;
-            let played = play(&[opened.source], &opened.args, Some(opened.project), terminal);
+            let project = OfFile { project: opened.project, file: std::path::absolute(path)? };
+            let played = play(&[opened.source], &opened.args, Some(project), terminal);
             played.map_err(|error| project::in_file(error, Some(path)))
         }
         paths => {
-            if let Some(project) = paths.iter().find(|path| project::is_project(path)) {
+            if let Some(project) = paths.iter().find(|path| is_project(path)) {
                 bail!("{}: a project is played alone", project.display());
             }
             play(paths, args, None, terminal)
@@ -77,7 +78,8 @@ pub(super) fn run(args: &Args, words: &[OsString], terminal: &Terminal) -> anyho
     }
 }
 
-fn play(paths: &[PathBuf], args: &Args, project: Option<Arc<Project>>, terminal: &Terminal) -> anyhow::Result<Outcome> {
+fn play(paths: &[PathBuf], args: &Args, of: Option<OfFile>, terminal: &Terminal) -> anyhow::Result<Outcome> {
+    let project = of.as_ref().map(|of| of.project.clone());
     // Invalid options fail here, before there is a window.
     if args.scene.tf != DEFAULT_TF {
         TransferFunction::parse(&args.scene.tf).with_context(|| format!("--tf '{}'", args.scene.tf.display()))?;
@@ -107,7 +109,7 @@ fn play(paths: &[PathBuf], args: &Args, project: Option<Arc<Project>>, terminal:
         );
     }
     let (background, follows, size) = (args.background, args.follow, args.size);
-    show(start, &args.scene, &Playing { background, follows, size, plays: false, project }, terminal)?;
+    show(start, &args.scene, &Playing { background, follows, size, plays: false, project: of }, terminal)?;
     Ok(Outcome::Done)
 }
 
@@ -143,7 +145,14 @@ pub(super) struct Playing {
     /// Whether it plays at once, in a loop.
     pub(super) plays: bool,
     /// The project, which overrides the look over time.
-    pub(super) project: Option<Arc<Project>>,
+    pub(super) project: Option<OfFile>,
+}
+
+/// A project and its file.
+#[derive(Clone)]
+pub(super) struct OfFile {
+    project: Arc<Project>,
+    file: PathBuf,
 }
 
 /// Shows a window until it is closed.
@@ -151,19 +160,8 @@ pub(super) struct Playing {
 /// # Errors
 /// If the system opens no window, or Ctrl-C closed it.
 pub(super) fn show(start: Start, scene: &SceneArgs, playing: &Playing, terminal: &Terminal) -> anyhow::Result<()> {
-    let (args, project) = (scene.clone(), playing.project.clone());
     let &Playing { background, follows, size, plays, .. } = playing;
-    let dress: Dress = Arc::new(move |series: &Series| {
-        let look = args.look(series, FRAMING).and_then(|look| {
-            surfaces::check(&look.surfaces, project.as_deref(), series)?;
-            Ok(look)
-        });
-        let look = look.map_err(|error| format!("{error:#}"))?;
-        // A camera without a position or scale still frames the mesh.
-        let says_where = |camera: &str| camera.contains("pos=") || camera.contains("parallel=");
-        let camera_is_chosen = args.camera.as_deref().is_some_and(says_where);
-        Ok(Dressed { look, camera_is_chosen, project: project.clone() })
-    });
+    let dress = dress(scene.clone(), playing.project.clone());
     let is_default = scene.field.is_none() && scene.tf == DEFAULT_TF && scene.range.is_none();
     let restores = is_default && scene.camera.is_none() && playing.project.is_none();
     let opening =
@@ -171,6 +169,7 @@ pub(super) fn show(start: Start, scene: &SceneArgs, playing: &Playing, terminal:
     let options = WindowOptions {
         start,
         dress,
+        projects: Arc::new(|path: &Path| read_project(path).map_err(|error| format!("{error:#}"))),
         restores,
         follows,
         plays,
@@ -185,6 +184,31 @@ pub(super) fn show(start: Start, scene: &SceneArgs, playing: &Playing, terminal:
     window::run(options, &terminal.cancel)?;
     terminal.check_interrupted()?;
     Ok(())
+}
+
+/// The look that the options give a series.
+fn dress(args: SceneArgs, of: Option<OfFile>) -> Dress {
+    Arc::new(move |series: &Series| {
+        let (project, file) = of.clone().map(|of| (of.project, of.file)).unzip();
+        let look = args.look(series, FRAMING).and_then(|look| {
+            surfaces::check(&look.surfaces, project.as_deref(), series)?;
+            Ok(look)
+        });
+        let look = look.map_err(|error| format!("{error:#}"))?;
+        // A camera without a position or scale still frames the mesh.
+        let says_where = |camera: &str| camera.contains("pos=") || camera.contains("parallel=");
+        let camera_is_chosen = args.camera.as_deref().is_some_and(says_where);
+        Ok(Dressed { look, camera_is_chosen, project, file })
+    })
+}
+
+/// Reads a project that is opened in the window, as `tetreel play` reads it.
+fn read_project(path: &Path) -> anyhow::Result<ReadProject> {
+    let words = ["tetreel".into(), "play".into(), path.into()];
+    let opened = project::open::<Args>(path, &words, project::Taker::Play)?;
+    let (args, file) = (opened.args, std::path::absolute(path)?);
+    let of = OfFile { project: opened.project, file };
+    Ok(ReadProject { source: opened.source, field: args.scene.field.clone(), dress: dress(args.scene, Some(of)) })
 }
 
 /// Whether there is a display for a window.

@@ -48,11 +48,6 @@ impl Taker {
 /// Options that timeline keys would change from frame to frame; given by the user, they hold for all frames.
 const ON_THE_TIMELINE: [&str; 4] = ["tf", "camera", "lod", "optics"];
 
-/// Whether a path names a project file.
-pub(super) fn is_project(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
-}
-
 /// Reads the project, and parses the options again with those of the project.
 pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Taker) -> anyhow::Result<Opened<A>> {
     let mut project = Project::read(path)?;
@@ -193,4 +188,62 @@ fn within(folder: &Path, pattern: &Path) -> PathBuf {
         bytes.extend_from_slice(if byte == b'%' { b"%%" } else { std::slice::from_ref(&byte) });
     }
     files::os_string(bytes).map_or_else(|| folder.to_owned(), PathBuf::from).join(pattern)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::scene::{SceneArgs, SizePx};
+    use crate::ingest::{IngestOptions, ingest};
+    use crate::look::Look;
+    use crate::project::{Data, is_project};
+    use crate::store::Store;
+    use crate::synth::{SeriesName, SynthSpec, generate};
+    use crate::task::{Cancel, Silent};
+
+    /// Options of looks, by what they set.
+    const LOOKS: [&str; 9] = [
+        "",
+        "--opacity-kind extinction --unit-distance 0.1 --optics partial --backend cpu",
+        "--mode havs --lod 0.3 --sampling greedy:9 --k 12 --inexact-order",
+        "--mode raycast --camera pos=1,2,3_focal=0.1,0,0.3_up=0,0,1_angle=20.5_near=0.25",
+        "--mode reference --camera parallel=3",
+        "--iso=-9:#ff8000/#102030:0.4 --iso=-50:by=velocity:0@gray:0.25 --iso=-120.5:by=velocity:1 --shade vertex --ao",
+        "--iso=-30.2 --no-volume --light 1,2,3 --shade-volume --no-smoothing",
+        "--cut point=1,2,3_normal=0,0.6,0.8_clip --cut point=0,0,5_normal=1,0,0_field=velocity:2@inferno",
+        "--surface solid:#ff0000:0.5 --surface edges --crop min=-3,-3,-3_max=3,3,9 --parts 0",
+    ];
+
+    #[test]
+    fn a_look_that_is_saved_is_the_same_look_when_it_is_opened() {
+        let folder = tempfile::tempdir().unwrap();
+        let source = generate(&SynthSpec { cells: 600, steps: 2, ..SynthSpec::new(SeriesName::Tornado) }).unwrap();
+        let store = folder.path().join("x.zarr");
+        ingest(&source, &store, &IngestOptions::default(), &Silent, &Cancel::new()).unwrap();
+        let look_of = |path: &Path, options: &[&str]| -> Look {
+            let words = ["tetreel", "render", path.to_str().unwrap(), "-o", "x.png"];
+            let options = options.iter().map(|word| word.replace('_', " ").into());
+            let words: Vec<OsString> = words.into_iter().map(OsString::from).chain(options).collect();
+            let args = if is_project(path) {
+                let opened = open::<SceneArgs>(path, &words, Taker::Render).unwrap();
+                assert_eq!(opened.source, store);
+                opened.args
+            } else {
+                let matches = Cli::command().try_get_matches_from(&words).unwrap();
+                Box::new(SceneArgs::from_arg_matches(matches.subcommand_matches("render").unwrap()).unwrap())
+            };
+            args.open(&Store::open(&store).unwrap(), SizePx(64, 48), None, &Cancel::new()).unwrap().look
+        };
+        for options in LOOKS {
+            let options: Vec<&str> = options.split_whitespace().collect();
+            let look = look_of(&store, &options);
+            let usual = look_of(&store, &[]);
+            let mut project = Project::new(Data { source: "x.zarr".into(), field: None });
+            project.look = LookSettings::of(&look, &usual, None);
+            let file = folder.path().join("p.toml");
+            project.write(&file).unwrap();
+            assert_eq!(look_of(&file, &[]), look, "{options:?}: {}", project.to_toml().unwrap());
+            assert!(options.is_empty() || look != usual);
+        }
+    }
 }

@@ -86,6 +86,7 @@ impl SurfaceArgs {
         for CutText { cut, by } in cut {
             cuts.push(Cut { by: beside.place(by.as_ref())?, ..*cut });
         }
+        let maps = beside.found.into_iter().map(|by| by.map).collect();
         let beside = beside.colors;
         let shading = SurfaceShading {
             normals: *shade,
@@ -111,6 +112,7 @@ impl SurfaceArgs {
             crop: *crop,
             domain: surface.clone(),
             beside,
+            maps,
             parts: parts.clone(),
             regions: regions.clone(),
             shading,

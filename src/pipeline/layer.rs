@@ -177,6 +177,8 @@ pub struct SurfaceLook {
     pub domain: Vec<DomainSurface>,
     /// Other fields that colour surfaces and sections.
     pub beside: Vec<ColorsBeside>,
+    /// Names of their colour maps; `None`: that of the transfer function.
+    pub maps: Vec<Option<String>>,
     /// Numbers of the parts of the mesh that are shown; empty: all.
     pub parts: Vec<u32>,
     /// The regions of the mesh that are shown; `None`: all.

@@ -8,6 +8,7 @@ use crate::moments::{CovDenominator, Moments};
 use crate::store::FieldReader;
 use crate::task::Cancel;
 use serde::{Deserialize, Serialize};
+use std::fmt;
 use std::str::FromStr;
 use std::sync::{Arc, PoisonError};
 
@@ -50,6 +51,22 @@ impl FromStr for Sampling {
                  last three with :N for a number of intervals"
             )),
         }
+    }
+}
+
+impl fmt::Display for Sampling {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (name, intervals) = match *self {
+            Self::Error => ("error", Partition::USUAL),
+            Self::Random => ("random", Partition::USUAL),
+            Self::Global(CovDenominator::Plain) => ("plain", Partition::USUAL),
+            Self::Global(CovDenominator::Floored { .. }) => ("global", Partition::USUAL),
+            Self::Local(Partition::Regular(intervals)) => ("regular", intervals),
+            Self::Local(Partition::Logarithmic(intervals)) => ("logarithmic", intervals),
+            Self::Local(Partition::Greedy(intervals)) => ("greedy", intervals),
+        };
+        f.write_str(name)?;
+        if intervals == Partition::USUAL { Ok(()) } else { write!(f, ":{intervals}") }
     }
 }
 

@@ -6,6 +6,7 @@
 mod animation;
 mod edit;
 mod file;
+mod of_look;
 mod settings;
 #[cfg(test)]
 mod tests;
@@ -25,6 +26,12 @@ use crate::short::Short;
 use crate::timeline::TimelineError;
 use crate::transfer::{Ensemble, TransferError};
 use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Whether a path names a project file.
+pub fn is_project(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+}
 
 /// The contents of a project file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

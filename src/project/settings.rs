@@ -90,6 +90,9 @@ pub struct LookSettings {
     /// Number of fragments sorted at a time, 2 to 32.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub k: Option<u8>,
+    /// Whether pixels whose fragments came out of order stay as they are.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub inexact_order: Option<bool>,
     /// Viewpoint, as `--camera` has it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<String>,

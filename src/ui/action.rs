@@ -7,8 +7,10 @@ use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode, SurfaceLook};
 use crate::playback::Command;
 use crate::playback::quality::Family;
+use crate::project::Edit;
 use crate::transfer::{ColorMap, OpacityPoint, RangePolicy};
 use glam::DVec2;
+use std::path::PathBuf;
 
 /// An action triggered by a key, the mouse or a widget.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,11 +59,26 @@ pub enum Action {
     CameraPath(bool),
     /// Shows another field of the store.
     Field(FieldSelector),
-    /// Sets the colour map.
+    /// Changes the project.
+    Edit(Box<Edit>),
+    /// Undoes the last change of what is shown.
+    Undo,
+    /// Does the change again that was undone last.
+    Redo,
+    /// Saves what is shown as a project, to its file or to this one.
+    SaveProject {
+        /// The file; `None`: the one that it has.
+        to: Option<PathBuf>,
+        /// Whether a file that is there is replaced; its own one always is.
+        may_replace: bool,
+    },
+    /// Edits the member of this index, from 0.
+    Member(usize),
+    /// Sets the colour map of the edited member.
     Colors(ColorMap),
-    /// Sets the opacities, at fractions of the range.
+    /// Sets the opacities of the edited member, at fractions of the range.
     Opacities(Vec<OpacityPoint>),
-    /// Sets how the range of the colours is found.
+    /// Sets how the range of the edited member is found.
     Range(RangePolicy),
     /// Sets the display-referred colour behind the volume.
     Background([f32; 3]),

@@ -1,5 +1,6 @@
 //! Slow jobs that touch files, on threads of their own.
 
+use super::document::State;
 use super::motion::MotionError;
 use crate::error::{FileError, FileResult};
 use crate::export::still::{Background, FrameAttributes, OutputFrame, StillOptions, write_still};
@@ -7,6 +8,7 @@ use crate::field::FieldSelector;
 use crate::image::Planes;
 use crate::look::Look;
 use crate::pipeline::{FrameRequest, Series, SharedFrame};
+use crate::project::{Project, ProjectError};
 use crate::store::Store;
 use crate::task::{Cancel, panic_message};
 use crate::transfer::FirstLook;
@@ -25,6 +27,8 @@ pub(super) enum Done {
     Series(Arc<Series>, Box<[FirstLook; 2]>),
     /// Error of the last picture of a motion against the one in full.
     Compared(MotionError),
+    /// A project was written, that of this state; or why not.
+    Project(Result<PathBuf, ProjectError>, Box<State>),
     /// A field cannot be opened, or a job failed through a fault of this program or for want of a thread.
     Failed(String),
 }
@@ -65,6 +69,15 @@ impl Jobs {
         self.run(move || Done::Screenshot(shot.write(&folder)));
     }
 
+    /// Writes a project, that of a state; replaces a file that is there only if it `may_replace` it.
+    pub(super) fn write_project(&self, project: Project, path: PathBuf, may_replace: bool, state: State) {
+        self.run(move || {
+            let is_free = may_replace || !path.exists();
+            let written = if is_free { project.write(&path) } else { Err(taken(&path).into()) };
+            Done::Project(written.map(|()| path), Box::new(state))
+        });
+    }
+
     /// Computes the error of a picture.
     pub(super) fn compare(&self, found: impl FnOnce() -> MotionError + Send + 'static) {
         self.run(move || Done::Compared(found()));
@@ -86,6 +99,11 @@ impl Jobs {
             let _ = failed.send(Done::Failed(format!("the system gives no thread: {error}")));
         }
     }
+}
+
+/// The error of a file that is there already.
+fn taken(path: &Path) -> FileError {
+    FileError::invalid(path, "", "there is a file of that name").remedy("choose another name, or replace it")
 }
 
 /// An image to be written.

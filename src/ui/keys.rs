@@ -10,6 +10,8 @@ use crate::playback::Command;
 pub struct Binding {
     /// The key as written: an upper-case letter, another character that needs no shift, or a name as `Left`.
     pub key: &'static str,
+    /// Whether Ctrl (on macOS Command) is held.
+    pub ctrl: bool,
     /// Whether shift is held.
     pub shift: bool,
     /// Its action.
@@ -23,8 +25,9 @@ pub const MANY_STEPS: i64 = 10;
 
 /// All keys.
 pub fn bindings() -> Vec<Binding> {
-    let plain = |key, action, help| Binding { key, shift: false, action, help };
-    let shifted = |key, action, help| Binding { key, shift: true, action, help };
+    let plain = |key, action, help| Binding { key, ctrl: false, shift: false, action, help };
+    let shifted = |key, action, help| Binding { shift: true, ..plain(key, action, help) };
+    let ctrl = |key, shift, action, help| Binding { ctrl: true, shift, ..plain(key, action, help) };
     let along = |axis, from_positive| Action::ViewAlong { axis, from_positive };
     let ensemble = |(index, digit)| {
         plain(digit, Action::Ensembles(EnsembleChoice::One(index)), "an ensemble of the project, at all times")
@@ -62,6 +65,9 @@ pub fn bindings() -> Vec<Binding> {
     all.extend([
         plain("0", Action::Ensembles(EnsembleChoice::Project), "the project's timeline again, with its ensembles"),
         plain("C", Action::CameraPath(true), "the project's camera path again"),
+        ctrl("Z", false, Action::Undo, "undo a change of what is shown"),
+        ctrl("Z", true, Action::Redo, "do it again"),
+        ctrl("S", false, Action::SaveProject { to: None, may_replace: false }, "save the project"),
         plain("S", Action::Screenshot, "save the picture as a PNG file here"),
         plain("H", Action::Help, "this help"),
         plain("?", Action::Help, "this help"),
@@ -85,9 +91,11 @@ pub const MOUSE: [(&str, &str); 7] = [
 ];
 
 impl Binding {
-    /// Key and shift as written: `Shift Left`.
+    /// The keys as written: `Ctrl Shift Z`.
     pub fn name(&self) -> String {
-        if self.shift { format!("Shift {}", self.key) } else { self.key.to_owned() }
+        let held =
+            [(self.ctrl, "Ctrl "), (self.shift, "Shift ")].map(|(is_held, name)| if is_held { name } else { "" });
+        held.concat() + self.key
     }
 }
 
@@ -106,9 +114,9 @@ pub fn help() -> Vec<(String, &'static str)> {
     lines
 }
 
-/// The action of a key.
-pub fn action(key: &str, shift: bool) -> Option<Action> {
-    let found = bindings().into_iter().find(|b| b.key == key && b.shift == shift);
+/// The action of a key with Ctrl and shift held or not.
+pub fn action(key: &str, [ctrl, shift]: [bool; 2]) -> Option<Action> {
+    let found = bindings().into_iter().find(|b| (b.key, b.ctrl, b.shift) == (key, ctrl, shift));
     found.map(|binding| binding.action)
 }
 
@@ -119,7 +127,7 @@ mod tests {
 
     #[test]
     fn no_key_does_two_things() {
-        let keys: Vec<(&str, bool)> = bindings().iter().map(|b| (b.key, b.shift)).collect();
+        let keys: Vec<(&str, [bool; 2])> = bindings().iter().map(|b| (b.key, [b.ctrl, b.shift])).collect();
         assert_eq!(keys.iter().collect::<HashSet<_>>().len(), keys.len());
     }
 
@@ -150,8 +158,9 @@ mod tests {
 
     #[test]
     fn keys_do_what_they_say() {
-        assert_eq!(action("Space", false), Some(Action::Play(Command::Toggle)));
-        assert_eq!(action("Left", true), Some(Action::Play(Command::Step(-10))));
-        assert_eq!(action("Q", false), None);
+        assert_eq!(action("Space", [false; 2]), Some(Action::Play(Command::Toggle)));
+        assert_eq!(action("Left", [false, true]), Some(Action::Play(Command::Step(-10))));
+        assert_eq!(action("Q", [false; 2]), None);
+        assert_eq!(action("Z", [true, false]), Some(Action::Undo));
     }
 }

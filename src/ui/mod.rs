@@ -43,6 +43,7 @@
 //! every control has one. `real_window` opens the window on a virtual screen and operates it through X, as a user would.
 
 mod action;
+mod document;
 #[cfg(test)]
 mod drag_tests;
 pub mod following;

@@ -3,13 +3,12 @@
 //! All functions return valid points of a transfer function: ascending positions in 0..=1, at most two at one position, values of 0 or
 //! more.
 
-use crate::look::Look;
-use crate::transfer::{MappedRange, OpacityKind, OpacityPoint, OpacityValues, PositionKind};
+use crate::transfer::{MappedRange, OpacityKind, OpacityPoint, OpacityValues, PositionKind, TransferFunction};
 
-/// The points of a look as fractions of the range.
-pub fn relative_points(look: &Look, range: &MappedRange) -> Vec<OpacityPoint> {
-    let points = look.tf.points();
-    match look.tf.positions() {
+/// The points of a transfer function as fractions of the range.
+pub fn relative_points(tf: &TransferFunction, range: &MappedRange) -> Vec<OpacityPoint> {
+    let points = tf.points();
+    match tf.positions() {
         PositionKind::Relative => points.to_vec(),
         PositionKind::Absolute => {
             let relative =
@@ -20,9 +19,9 @@ pub fn relative_points(look: &Look, range: &MappedRange) -> Vec<OpacityPoint> {
 }
 
 /// Upper limit of values: 1 for opacities, else twice the curve's maximum.
-pub fn highest_value(look: &Look) -> f64 {
-    let is_opacity = look.tf.values() == OpacityValues::Opacity && look.opacity_kind == OpacityKind::Alpha;
-    if is_opacity { 1.0 } else { look.tf.points().iter().map(|p| 2.0 * p.value).fold(1.0, f64::max) }
+pub fn highest_value(tf: &TransferFunction, kind: OpacityKind) -> f64 {
+    let is_opacity = tf.values() == OpacityValues::Opacity && kind == OpacityKind::Alpha;
+    if is_opacity { 1.0 } else { tf.points().iter().map(|p| 2.0 * p.value).fold(1.0, f64::max) }
 }
 
 /// Moves a point, clamped between its neighbours and between 0 and `highest`.

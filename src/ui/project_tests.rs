@@ -12,11 +12,11 @@ use crate::optics::OpticsKind;
 use crate::pipeline::test_series::{logged, without_values};
 use crate::pipeline::{Backend, FrameRequest, FrameTime, Pipeline, RenderMode, Series, TetDraw};
 use crate::playback::{Command, Mode};
-use crate::project::{Animation, Project};
+use crate::project::{Animation, Edit, Project};
 use crate::store::Store;
 use crate::synth::{SeriesName, SynthSpec, generate};
 use crate::task::{Cancel, Silent};
-use crate::transfer::{ColorMap, Lengths, OpacityPoint, RangePolicy};
+use crate::transfer::{ColorMap, Lengths, Member, OpacityPoint, RangePolicy};
 use glam::DVec2;
 use std::path::Path;
 use std::sync::Arc;
@@ -91,7 +91,7 @@ fn table_of(series: &Arc<Series>, project: &Project, name: &str) -> TransferTabl
 }
 
 fn press(desk: &mut Desk, key: char) {
-    desk.act(keys::action(&key.to_string(), false).unwrap());
+    desk.act(keys::action(&key.to_string(), [false; 2]).unwrap());
     desk.later(1000);
     desk.settle();
 }
@@ -223,27 +223,68 @@ fn range_maps_of_the_timeline_go_with_an_ensemble_that_was_chosen() {
 }
 
 #[test]
-fn edited_colours_leave_the_ensembles_until_a_key_returns_to_them() {
+fn colours_are_edited_in_the_ensemble_that_is_shown_and_come_back() {
     let series = series();
     let project = keyed(&series);
     let gray = ColorMap::built_in("gray").unwrap().clone();
     let points = vec![OpacityPoint { position: 0.0, value: 0.3 }, OpacityPoint { position: 1.0, value: 0.4 }];
     for edit in [Action::Colors(gray), Action::Opacities(points), Action::Range(RangePolicy::Manual(0.0, 3.0))] {
         let mut desk = open(&series, &project);
-        assert!(desk.session.shows_ensembles());
+        let before = at(&mut animation(&series, &project), &series, 0.into());
         desk.act(edit.clone());
         desk.settle();
-        assert!(!desk.session.shows_ensembles());
-        let look = desk.session.look().clone();
-        let range = desk.session.shown_range().unwrap();
-        let request = desk.shown().request.clone();
-        assert_eq!(**request.tets().unwrap().table.over_scalars(), look.table(&range).unwrap(), "{edit:?}");
-        let mut animation = animation(&series, &project);
-        let moment = at(&mut animation, &series, 0.into());
-        assert_eq!((Some(request.camera), Some(request.lod())), (moment.camera, moment.lod), "the rest is followed");
-        press(&mut desk, '0');
-        assert_eq!(said(&desk.shown().request), moment, "{edit:?}");
+        let edited = desk.session.project().clone();
+        assert!(edited.ensembles[0] != project.ensembles[0] && edited.ensembles[1..] == project.ensembles[1..]);
+        let now = at(&mut animation(&series, &edited), &series, 0.into());
+        assert!(now.colors != before.colors && now.camera == before.camera, "the rest is followed");
+        assert_eq!(said(&desk.shown().request), now, "{edit:?}");
+        assert!(desk.session.is_changed());
+        desk.act(Action::Undo);
+        desk.settle();
+        assert_eq!((said(&desk.shown().request), desk.session.project()), (before, &project), "{edit:?}");
+        desk.act(Action::Redo);
+        desk.settle();
+        assert_eq!((said(&desk.shown().request), desk.session.project()), (now, &edited), "{edit:?}");
     }
+}
+
+#[test]
+fn the_ensemble_that_weighs_more_is_edited() {
+    let series = series();
+    let mut desk = open(&series, &keyed(&series));
+    let edited: Vec<usize> = (0..4)
+        .map(|step| {
+            go_to(&mut desk, step);
+            desk.session.edited_ensemble()
+        })
+        .collect();
+    assert_eq!(edited, [0, 0, 1, 1]);
+    press(&mut desk, '3');
+    assert_eq!(desk.session.edited_ensemble(), 2);
+    desk.act(Action::Range(RangePolicy::Manual(0.0, 3.0)));
+    assert_eq!(desk.session.project().ensembles[2].members[0].range, RangePolicy::Manual(0.0, 3.0));
+}
+
+#[test]
+fn a_gesture_is_undone_at_once() {
+    let series = series();
+    let mut desk = open(&series, &project(&ensembles()));
+    let before = (desk.session.project().clone(), desk.session.changes());
+    let range = |to: f64| Action::Range(RangePolicy::Manual(0.0, to));
+    for _ in 0..2 {
+        desk.session.hold(true);
+        for to in [1.0, 2.0, 3.0] {
+            desk.session.hold(true);
+            desk.act(range(to));
+        }
+        desk.session.hold(false);
+        desk.act(range(4.0));
+    }
+    assert_eq!(desk.session.changes(), (before.1.0 + 4, 0));
+    (0..4).for_each(|_| desk.act(Action::Undo));
+    assert_eq!((desk.session.project(), desk.session.changes()), (&before.0, (before.1.0, 4)));
+    desk.act(range(9.0));
+    assert_eq!(desk.session.changes(), (before.1.0 + 1, 0), "a change ends what could be done again");
 }
 
 #[test]
@@ -295,7 +336,7 @@ fn a_project_without_ensembles_has_the_colours_of_the_look() {
     let project = project(&camera(series.times().values[0], -10.0));
     let mut desk = open(&series, &project);
     let table = desk.session.look().table(&desk.session.shown_range().unwrap()).unwrap();
-    assert!(!desk.session.shows_ensembles() && **desk.shown().request.tets().unwrap().table.over_scalars() == table);
+    assert_eq!(**desk.shown().request.tets().unwrap().table.over_scalars(), table);
     assert_eq!(desk.shown().request.camera.position.x, -10.0);
     press(&mut desk, '1');
     press(&mut desk, '0');
@@ -309,7 +350,7 @@ fn without_a_project_its_keys_do_nothing() {
     desk.settle();
     let look = desk.session.look().clone();
     for key in ['0', '1', 'C'] {
-        desk.act(keys::action(&key.to_string(), false).unwrap());
+        desk.act(keys::action(&key.to_string(), [false; 2]).unwrap());
         assert_eq!(desk.settle(), 0, "{key}");
     }
     assert_eq!(*desk.session.look(), look);
@@ -355,15 +396,22 @@ fn nothing_waits_for_what_takes_long_to_work_out() {
     }
     assert!(desk.session.is_working_out() && desk.session.is_waiting());
     assert_eq!(desk.session.player.pipelined().wanted(), 0, "a frame is not asked for before its table is there");
-    // The user's own colours need no histograms.
-    desk.act(Action::Range(RangePolicy::Manual(0.0, 1.0)));
+    // A member that is not used needs no histograms.
+    let off = |enabled: bool, session: &Session| {
+        let member = Box::new(Member { enabled, ..session.member().unwrap().clone() });
+        Action::Edit(Box::new(Edit::SetMember { ensemble: 0, index: 0, member }))
+    };
+    desk.act(off(false, &desk.session));
     log.hang(false);
     desk.settle();
     assert!(desk.session.notices().is_empty() && !desk.session.is_working_out());
-    press(&mut desk, '0');
+    desk.act(off(true, &desk.session));
+    desk.settle();
     assert!(desk.session.notices()[0].text.contains("histogram"), "{:?}", desk.session.notices());
+    desk.act(Action::Undo);
+    desk.settle();
     log.hang(true);
-    desk.act(Action::Ensembles(EnsembleChoice::One(0)));
+    desk.act(Action::Redo);
     desk.session.tick(desk.now);
     assert!(desk.session.is_working_out());
     drop(desk);

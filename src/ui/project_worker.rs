@@ -21,6 +21,8 @@ const KEPT: usize = 8;
 
 /// Inputs of an animation. The thread keeps data of the field as long as the series is the same.
 struct Subject {
+    /// The whole project.
+    whole: Arc<Project>,
     /// The project, reduced to the chosen ensembles.
     project: Arc<Project>,
     choice: EnsembleChoice,
@@ -33,11 +35,12 @@ impl Subject {
     fn of(project: &Arc<Project>, look: &Look, series: &Arc<Series>) -> Self {
         let choice = look.followed.ensembles;
         let (series, kind, lengths) = (series.clone(), look.opacity_kind, look.lengths);
-        Self { project: chosen(project, choice), choice, series, kind, lengths }
+        Self { whole: project.clone(), project: chosen(project, choice), choice, series, kind, lengths }
     }
 
-    fn is_of(&self, look: &Look, series: &Arc<Series>) -> bool {
-        self.choice == look.followed.ensembles
+    fn is_of(&self, project: &Arc<Project>, look: &Look, series: &Arc<Series>) -> bool {
+        Arc::ptr_eq(&self.whole, project)
+            && self.choice == look.followed.ensembles
             && Arc::ptr_eq(&self.series, series)
             && self.kind == look.opacity_kind
             && self.lengths == look.lengths
@@ -51,17 +54,10 @@ impl Subject {
 
 /// A project with other ensembles than those of its timeline.
 fn chosen(project: &Arc<Project>, choice: EnsembleChoice) -> Arc<Project> {
-    if choice == EnsembleChoice::Project {
-        return project.clone();
-    }
+    let EnsembleChoice::One(index) = choice else { return project.clone() };
     let mut project = Project::clone(project);
     project.timeline.ensembles = Default::default();
-    match choice {
-        EnsembleChoice::One(index) => {
-            project.look.ensemble = project.ensembles.get(index).map(|ensemble| ensemble.name.clone());
-        }
-        EnsembleChoice::Project | EnsembleChoice::Own => project.ensembles.clear(),
-    }
+    project.look.ensemble = project.ensembles.get(index).map(|ensemble| ensemble.name.clone());
     Arc::new(project)
 }
 
@@ -97,7 +93,6 @@ struct Shared {
 
 /// Evaluates a project at times of a series.
 pub(super) struct ProjectWorker {
-    project: Arc<Project>,
     worker: Worker<Job>,
     shared: Arc<Shared>,
     subject: Option<Arc<Subject>>,
@@ -111,7 +106,7 @@ impl ProjectWorker {
     ///
     /// # Errors
     /// If the system gives no thread.
-    pub(super) fn start(project: Arc<Project>, wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
+    pub(super) fn start(wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
         let shared = Arc::new(Shared::default());
         let put = {
             let shared = shared.clone();
@@ -134,12 +129,7 @@ impl ProjectWorker {
             put((job, made));
         };
         let worker = Worker::start("project", put, work, |job, text| (job, Err(text)))?;
-        Ok(Self { project, worker, shared, subject: None, kept: VecDeque::new(), wanted: None })
-    }
-
-    /// The project.
-    pub(super) fn project(&self) -> &Arc<Project> {
-        &self.project
+        Ok(Self { worker, shared, subject: None, kept: VecDeque::new(), wanted: None })
     }
 
     /// Whether a result is pending.
@@ -147,9 +137,15 @@ impl ProjectWorker {
         self.wanted.is_some()
     }
 
-    /// The settings at a time, or why they cannot be evaluated; `None`: pending.
-    pub(super) fn at(&mut self, look: &Look, series: &Arc<Series>, time: FrameTime) -> Option<Made> {
-        let subject = self.turn_to(look, series);
+    /// The settings of a project at a time, or why they cannot be evaluated; `None`: pending.
+    pub(super) fn at(
+        &mut self,
+        project: &Arc<Project>,
+        look: &Look,
+        series: &Arc<Series>,
+        time: FrameTime,
+    ) -> Option<Made> {
+        let subject = self.turn_to(project, look, series);
         self.collect();
         if let Some(found) = self.find(time) {
             return Some(found);
@@ -168,11 +164,11 @@ impl ProjectWorker {
     }
 
     /// The current subject; if it changes, kept results are dropped.
-    fn turn_to(&mut self, look: &Look, series: &Arc<Series>) -> Arc<Subject> {
-        if let Some(subject) = self.subject.as_ref().filter(|subject| subject.is_of(look, series)) {
+    fn turn_to(&mut self, project: &Arc<Project>, look: &Look, series: &Arc<Series>) -> Arc<Subject> {
+        if let Some(subject) = self.subject.as_ref().filter(|subject| subject.is_of(project, look, series)) {
             return subject.clone();
         }
-        let subject = Arc::new(Subject::of(&self.project, look, series));
+        let subject = Arc::new(Subject::of(project, look, series));
         if self.subject.as_ref().is_some_and(|before| !before.is_beside(&subject)) {
             // Counts over another field are of no use.
             self.worker.stop();

@@ -3,26 +3,19 @@
 use super::motion::Drawing;
 use super::project_worker::ProjectWorker;
 use super::still::Still;
-use crate::look::{Colors, Keyed, Look, mapped_range};
+use crate::look::{Colors, Keyed, Look};
 use crate::node_table::NodeTable;
 use crate::pipeline::{FaceDetail, FrameRequest, FrameTime, Series, TetDraw};
 use crate::playback::quality::Quality;
+use crate::project::Project;
 use crate::render::Contrast;
-use crate::transfer::{MappedRange, TransferError};
 use std::convert::Infallible;
 use std::sync::Arc;
 
-/// Number of recent tables kept: with a range for each step, as many as pending frames.
-const TABLES_KEPT: usize = 4;
-
-/// Makes requests; rebuilds tables only when they change.
-#[derive(Default)]
+/// Makes requests.
 pub(super) struct Requests {
-    /// The project, if there is one.
-    pub(super) project: Option<ProjectWorker>,
-    /// The look that the tables are for.
-    tables_of: Option<Look>,
-    tables: Vec<(MappedRange, Colors)>,
+    /// Evaluates the project.
+    pub(super) worker: ProjectWorker,
     /// Problem of the last table.
     pub(super) problem: Option<String>,
     /// Whether frames may stay on the GPU of the window.
@@ -34,38 +27,29 @@ pub(super) struct Requests {
 }
 
 impl Requests {
-    /// Requests with a project, which overrides looks.
-    pub(super) fn of(project: Option<ProjectWorker>) -> Self {
-        Self { project, ..Self::default() }
+    /// Requests by this worker.
+    pub(super) fn of(worker: ProjectWorker) -> Self {
+        Self { worker, problem: None, for_window: false, previews: Vec::new(), still: None }
     }
 
-    /// The request for a time; `None`: the project's settings are pending. `size` is that of an image in full, `choose` returns the
-    /// quality. If the table cannot be made, it is empty, and [`Self::problem`] says why.
+    /// The request for a time of a project, whose settings come before those of the look; `None`: they are pending. `size` is that of an
+    /// image in full, `choose` returns the quality. If the table cannot be made, it is empty, and [`Self::problem`] says why.
     pub(super) fn make(
         &mut self,
+        project: &Arc<Project>,
         look: &Look,
         series: &Arc<Series>,
         time: FrameTime,
         size: (usize, usize),
         choose: &mut dyn FnMut(Drawing) -> Quality,
     ) -> Option<FrameRequest> {
-        let keyed = match &mut self.project {
-            None => Ok(Keyed::default()),
-            Some(project) => project.at(look, series, time)?,
-        };
-        let made = keyed.and_then(|keyed| {
-            let own = || self.colors(look, series, time).map_err(|error| error.to_string());
-            Ok((look.request(time, size, &keyed, own)?, look.lod_at(&keyed)))
+        let keyed = self.worker.at(project, look, series, time)?.unwrap_or_else(|error| {
+            self.problem = Some(format!("field {}: {error}", series.field().name));
+            Keyed::default()
         });
-        let (request, lod) = match made {
-            Ok(made) => made,
-            Err(error) => {
-                self.problem = Some(format!("field {}: {error}", series.field().name));
-                let none = || Ok(Colors { table: Arc::new(NodeTable::transparent()).into(), formula: None });
-                let Ok::<_, Infallible>(request) = look.request(time, size, &Keyed::default(), none);
-                (request, look.faces.lod)
-            }
-        };
+        let none = || Ok(Colors { table: Arc::new(NodeTable::transparent()).into(), formula: None });
+        let Ok::<_, Infallible>(request) = look.request(time, size, &keyed, none);
+        let lod = look.lod_at(&keyed);
         let Look { mode, faces, .. } = *look;
         // The level of detail follows from the quality chosen below.
         let request = request.with_tets(|tets| tets.draw = TetDraw::chosen(mode, FaceDetail { lod: 1.0, ..faces }));
@@ -79,23 +63,5 @@ impl Requests {
         let request = FrameRequest { residual: still.map(Still::next), ..request };
         let previews = if quality == Quality::Exact { self.previews.clone() } else { Vec::new() };
         Some(quality.of_request(FrameRequest { previews, ..request }, faces))
-    }
-
-    fn colors(&mut self, look: &Look, series: &Series, time: FrameTime) -> Result<Colors, TransferError> {
-        let range = mapped_range(series, &look.range, time)?;
-        let is_for = |of: &Look| of.tf == look.tf && of.opacity_kind == look.opacity_kind && of.lengths == look.lengths;
-        if !self.tables_of.as_ref().is_some_and(is_for) {
-            self.tables.clear();
-            self.tables_of = Some(look.clone());
-        }
-        if let Some((_, colors)) = self.tables.iter().find(|(made, _)| *made == range) {
-            return Ok(colors.clone());
-        }
-        let colors = look.colors(&range)?;
-        if self.tables.len() == TABLES_KEPT {
-            self.tables.remove(0);
-        }
-        self.tables.push((range, colors.clone()));
-        Ok(colors)
     }
 }

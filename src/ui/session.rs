@@ -5,6 +5,7 @@ mod insight;
 mod quality;
 mod tick;
 
+use super::document::Document;
 use super::history::History;
 use super::insight::Insight;
 use super::jobs::Jobs;
@@ -13,17 +14,18 @@ use super::notice::{self, Notice, NoticeKind};
 use super::project_worker::ProjectWorker;
 use super::requests::Requests;
 use crate::camera::Camera;
-use crate::look::{EnsembleChoice, Look, mapped_range};
+use crate::look::{Look, mapped_range};
 use crate::pipeline::{FrameRequest, KeyedSurfaces, Series, SharedFrame, SurfaceLook};
 use crate::playback::quality::{Family, Quality, QualityControl};
 use crate::playback::{Player, State};
-use crate::project::Project;
+use crate::project::{Data, Project};
 use crate::store::Store;
-use crate::transfer::{MappedRange, RangePolicy};
+use crate::timeline::At;
+use crate::transfer::{Ensemble, Function, MappedRange, Member, RangePolicy, TransferFunction};
 pub use quality::{DEFAULT_TARGET_FPS, TARGET_FPS};
 use std::cell::OnceCell;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -31,10 +33,14 @@ use std::time::Duration;
 pub struct SessionOptions {
     /// Store of the series and other fields.
     pub store: Arc<Store>,
+    /// The path that opens the store or its source again.
+    pub source: PathBuf,
     /// Settings of the frames.
     pub look: Look,
-    /// The project, which overrides the look over time.
+    /// The project, which overrides the look over time; `None`: one with the look's transfer function.
     pub project: Option<Arc<Project>>,
+    /// File of the project.
+    pub file: Option<PathBuf>,
     /// Whether the user chose the camera; otherwise it frames the mesh in any window.
     pub camera_is_chosen: bool,
     /// Display-referred colour behind the volume.
@@ -68,6 +74,7 @@ pub struct Shown {
 
 /// Inputs of requests; frames are requested again if they change.
 struct Asked {
+    project: Arc<Project>,
     look: Look,
     /// Size of an image in full.
     size_px: (usize, usize),
@@ -81,7 +88,16 @@ struct Asked {
 pub struct Session {
     pub(super) player: Player,
     store: Arc<Store>,
+    /// Settings of the frames. Transfer function and range are those with which the window was opened: those shown are the document's.
     look: Look,
+    document: Document,
+    /// The path that opens the store or its source again.
+    source: PathBuf,
+    /// Number of the gesture that is under way, such as a drag.
+    gesture: Option<u64>,
+    gestures: u64,
+    /// Index of the member that is edited, in each ensemble.
+    member: usize,
     requests: Requests,
     /// Requests of thumbnails.
     previews: Requests,
@@ -136,16 +152,21 @@ impl Session {
     pub fn new(player: Player, options: SessionOptions, wake: Arc<dyn Fn() + Send + Sync>) -> io::Result<Self> {
         let insight = Insight::of(player.pipelined().series().clone(), wake.clone())?;
         let SessionOptions { store, look, camera_is_chosen, background, image_scale, .. } = options;
-        let SessionOptions { target_fps, family, screenshot_folder, project, .. } = options;
-        let requests = || -> io::Result<Requests> {
-            let project = project.clone().map(|project| ProjectWorker::start(project, wake.clone())).transpose()?;
-            Ok(Requests::of(project))
-        };
+        let SessionOptions { target_fps, family, screenshot_folder, project, file, source, .. } = options;
+        let requests = || -> io::Result<Requests> { Ok(Requests::of(ProjectWorker::start(wake.clone())?)) };
+        let field = player.pipelined().series().field().name.parse().ok();
+        let document =
+            Document::new(project.map(|project| (project, file)), &look, Data { source: source.clone(), field });
         Ok(Self {
             player,
             store,
             home: look.camera,
             look,
+            document,
+            source,
+            gesture: None,
+            gestures: 0,
+            member: 0,
             requests: requests()?,
             previews: requests()?,
             asked: None,
@@ -197,26 +218,90 @@ impl Session {
         &self.store
     }
 
-    /// Look of the frames.
+    /// Settings of the frames, but for colours, opacities and range: those are [the project's](Self::project).
     pub fn look(&self) -> &Look {
         &self.look
     }
 
-    /// The project, which overrides the look over time.
-    pub fn project(&self) -> Option<&Arc<Project>> {
-        self.requests.project.as_ref().map(ProjectWorker::project)
+    /// What is shown, as a project: it has an ensemble at least.
+    pub fn project(&self) -> &Arc<Project> {
+        self.document.project()
     }
 
-    /// Whether colours come from ensembles of the project.
-    pub fn shows_ensembles(&self) -> bool {
-        let has_ensembles = self.project().is_some_and(|project| !project.ensembles.is_empty());
-        has_ensembles && self.look.followed.ensembles != EnsembleChoice::Own
+    /// Index of the ensemble that is edited: the one chosen, or, on the timeline, the one that weighs more in the picture.
+    pub fn edited_ensemble(&self) -> usize {
+        self.document.edited(self.look.followed.ensembles, self.shown_time())
+    }
+
+    /// Indices of the ensemble and of its member that is edited; `None` if the ensemble is empty.
+    pub fn edited_member(&self) -> Option<(usize, usize)> {
+        let ensemble = self.edited_ensemble();
+        let members = self.project().ensembles.get(ensemble).map_or(0, |ensemble| ensemble.members.len());
+        Some((ensemble, self.member.min(members.checked_sub(1)?)))
+    }
+
+    /// The member that is edited.
+    pub fn member(&self) -> Option<&Member> {
+        let (ensemble, member) = self.edited_member()?;
+        self.project().ensembles.get(ensemble)?.members.get(member)
+    }
+
+    /// The transfer function of the member that is edited; `None` if it has shapes over a histogram.
+    pub fn function(&self) -> Option<&TransferFunction> {
+        self.member().and_then(|member| match &member.function {
+            Function::TransferFunction(function) => Some(function),
+            Function::Widgets(_) => None,
+        })
+    }
+
+    /// Transfer function and range of a project that says no more about colours: it was not opened from a file, and has one member.
+    pub fn plain_colors(&self) -> Option<(&TransferFunction, RangePolicy)> {
+        let [ensemble] = self.project().ensembles.as_slice() else { return None };
+        let is_own = !self.document.is_of_file() && ensemble.members.len() == 1;
+        Some((self.function()?, self.member()?.range)).filter(|_| is_own)
+    }
+
+    /// Numbers of changes that can be undone and done again.
+    pub fn changes(&self) -> (usize, usize) {
+        self.document.changes()
+    }
+
+    /// Whether what is shown differs from the project file, or from that with which the window was opened.
+    pub fn is_changed(&self) -> bool {
+        self.document.is_changed(&self.look)
+    }
+
+    /// The file of the project; `None`: not saved yet.
+    pub fn project_file(&self) -> Option<&Path> {
+        self.document.file()
+    }
+
+    /// Begins or ends a gesture: changes within it are undone together.
+    pub fn hold(&mut self, is_held: bool) {
+        if is_held && self.gesture.is_none() {
+            self.gestures += 1;
+        }
+        self.gesture = is_held.then_some(self.gestures);
+    }
+
+    /// Time of the picture on the screen, in the unit of the series.
+    fn shown_time(&self) -> Option<f64> {
+        self.shown.as_ref().map(|shown| shown.request.time.time(self.series().times()))
+    }
+
+    /// The transfer function of the picture, if it has one member alone whose colours are those of a map.
+    fn only_function(&self) -> Option<&TransferFunction> {
+        let mixed = self.shown_time().and_then(|at| self.project().timeline.ensembles.at(at));
+        let is_mixed = self.look.followed.ensembles == Default::default() && matches!(mixed, Some(At::Between { .. }));
+        let is_used = |ensemble: &&Ensemble| ensemble.members.iter().filter(|member| member.enabled).count() == 1;
+        let ensemble = self.project().ensembles.get(self.edited_ensemble()).filter(is_used).filter(|_| !is_mixed)?;
+        let is_plain = |member: &&Member| member.enabled && member.map == Default::default();
+        self.function().filter(|_| ensemble.members.len() == 1 && self.member().as_ref().is_some_and(is_plain))
     }
 
     /// Whether the camera follows the project's path.
     pub fn follows_path(&self) -> bool {
-        let has_path = self.project().is_some_and(|project| !project.timeline.cameras.keys().is_empty());
-        has_path && self.look.followed.camera
+        !self.project().timeline.cameras.keys().is_empty() && self.look.followed.camera
     }
 
     /// The camera: on the project's path, that of the picture on the screen.
@@ -227,7 +312,7 @@ impl Session {
 
     /// Whether a result of the project is pending.
     pub fn is_working_out(&self) -> bool {
-        self.requests.project.as_ref().is_some_and(ProjectWorker::is_waiting)
+        self.requests.worker.is_waiting()
     }
 
     /// Display-referred colour behind the volume.
@@ -327,15 +412,17 @@ impl Session {
         notice::add(&mut self.notices, NoticeKind::Error, text);
     }
 
-    /// The scalars that the colours on the screen (or else the next ones) cover; `None` if there are none.
+    /// The scalars that the edited member covers on the screen (or else in the next picture); `None` if there are none.
     pub fn shown_range(&self) -> Option<MappedRange> {
         let time = self.shown.as_ref().map(|shown| shown.request.time).or(self.state().frame)?;
-        mapped_range(self.series(), &self.look.range, time).ok()
+        mapped_range(self.series(), &self.member()?.range, time).ok()
     }
 
     /// Surfaces and cuts of the look, the last ones as the project's timeline has them on the screen.
     pub fn shown_surfaces(&self) -> SurfaceLook {
-        let follows = self.look.followed.surfaces && self.project().is_some();
+        let timeline = &self.project().timeline;
+        let has_keys = [&timeline.isovalue, &timeline.iso_opacity, &timeline.cut].iter().any(|t| !t.keys().is_empty());
+        let follows = self.look.followed.surfaces && has_keys;
         let tets = self.shown.as_ref().filter(|_| follows).and_then(|shown| shown.request.tets());
         let last = tets.and_then(|tets| tets.surfaces.last());
         let (isovalue, opacity) = (last.map(|surface| surface.value), last.map(|surface| surface.opacity));
@@ -355,13 +442,15 @@ impl Session {
 
     /// The scalars that a legend covers, and their colours by positions 0..=1.
     pub fn legend(&self) -> Option<(MappedRange, impl Fn(f64) -> [f64; 3])> {
-        // Members of ensembles have their own ranges.
-        let ensembles = self.shown.as_ref().filter(|_| self.shows_ensembles()).and_then(|shown| shown.request.tets());
+        let function = self.only_function();
+        // Members have ranges of their own.
         let series = || mapped_range(self.series(), &RangePolicy::Series, 0.into()).ok();
-        let range = if ensembles.is_some() { series() } else { self.shown_range() }?;
-        let colors = move |position| match ensembles {
-            Some(tets) => tets.table.over_scalars().eval(range.scalar_at(position)).rgb,
-            None => self.look.tf.color_map().eval(position),
+        let range = if function.is_some() { self.shown_range() } else { series() }?;
+        let tets = self.shown.as_ref().and_then(|shown| shown.request.tets());
+        let colors = move |position| match (function, tets) {
+            (Some(function), _) => function.color_map().eval(position),
+            (None, Some(tets)) => tets.table.over_scalars().eval(range.scalar_at(position)).rgb,
+            (None, None) => [1.0; 3],
         };
         Some((range, colors))
     }

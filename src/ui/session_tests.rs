@@ -64,8 +64,10 @@ impl Desk {
         };
         let options = SessionOptions {
             store: store().clone(),
+            source: store().path().to_owned(),
             look,
             project,
+            file: None,
             camera_is_chosen: false,
             background: [0.0; 3],
             image_scale: 1.0,
@@ -186,7 +188,7 @@ fn every_change_of_the_look_is_drawn() {
         assert!(desk.settle() > 0, "{action:?}");
         assert!(desk.shown().frame.planes.color != before, "{action:?}");
     }
-    assert_eq!((desk.session.look().tf.color_map(), desk.session.notices()), (&gray, &[][..]));
+    assert_eq!((desk.session.function().unwrap().color_map(), desk.session.notices()), (&gray, &[][..]));
     assert_eq!(desk.shown().request.size_px, (20, 10));
 }
 
@@ -359,7 +361,7 @@ fn keys_play_the_series() {
     let (mut desk, _) = Desk::fake(30);
     desk.settle();
     let press = |desk: &mut Desk, key, shift| {
-        let action = keys::action(key, shift).unwrap();
+        let action = keys::action(key, [false, shift]).unwrap();
         desk.act(action);
         desk.settle();
     };

@@ -16,7 +16,7 @@ use crate::files;
 use crate::image::{ExrColor, ExrCompression, ExrEncoding};
 use crate::import::{self, Format};
 use crate::pipeline::{DrawnBy, RenderMode, SampleSet, TetDraw, Upsampling};
-use crate::project::Project;
+use crate::project::{Project, is_project};
 use crate::scene::Scene;
 use crate::short::Short;
 use crate::store::is_store;
@@ -249,7 +249,7 @@ fn is_within(path: &Path, other: &Path) -> bool {
 
 /// Runs the command; `words` are the whole command line, which overrides a project.
 pub(super) fn run(args: &Args, words: &[OsString], terminal: &Terminal) -> anyhow::Result<Outcome> {
-    if project::is_project(&args.store) {
+    if is_project(&args.store) {
         let Opened { project, source, mut args } = project::open::<Args>(&args.store, words, project::Taker::Render)?;
         args.project = Some(std::mem::replace(&mut args.store, source));
         return render(&args, Some(&project), terminal);

@@ -126,6 +126,13 @@ impl FromStr for CutText {
     }
 }
 
+impl fmt::Display for CutText {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.cut)?;
+        self.by.as_ref().map_or(Ok(()), |by| write!(f, " field={by}"))
+    }
+}
+
 impl FromStr for Cut {
     type Err = String;
 

@@ -3,11 +3,15 @@
 use super::quality::SETTLE;
 use super::{IMAGE_SCALES, Session, TARGET_FPS};
 use crate::camera::{Camera, CameraError};
-use crate::look::{EnsembleChoice, Followed};
+use crate::files;
+use crate::look::{EnsembleChoice, Followed, Look};
 use crate::pipeline::FrameTime;
 use crate::playback::{Command, Loop, Mode, State, StepRange};
-use crate::transfer::{PositionKind, TransferError, TransferFunction};
+use crate::project::{Data, Edit, LookSettings, Project, Timeline};
+use crate::transfer::{FirstLook, Function, Member, PositionKind, TransferError, TransferFunction};
 use crate::ui::Action;
+use crate::ui::document::Document;
+use std::path::{Path, PathBuf, absolute};
 use std::time::Duration;
 
 /// Factor of a notch of speed: two of them double it.
@@ -17,12 +21,31 @@ const SPEED_NOTCH: f64 = std::f64::consts::SQRT_2;
 const BUSY: Duration = Duration::from_millis(250);
 
 impl Session {
-    /// Applies a user action.
+    /// Applies a user action. Changes of what is shown can be undone.
     pub fn act(&mut self, action: Action, now: Duration) {
-        // Pointing does not reserve the core.
-        if !matches!(action, Action::PointAt(_)) {
-            self.busy_until = now.saturating_add(BUSY);
+        match action {
+            // Pointing does not reserve the core.
+            Action::PointAt(place) => {
+                let series = self.series().clone();
+                self.insight.point_at(place, &series, self.shown.as_ref().map(|shown| &shown.request));
+                return;
+            }
+            Action::Undo => self.turn_back(Document::undo),
+            Action::Redo => self.turn_back(Document::redo),
+            action => {
+                let before = self.document.state(&self.look);
+                self.apply(action, now);
+                self.document.record(before, &self.look, self.gesture);
+            }
         }
+        self.busy_until = now.saturating_add(BUSY);
+    }
+
+    fn turn_back(&mut self, turn: fn(&mut Document, &mut Look) -> bool) {
+        turn(&mut self.document, &mut self.look);
+    }
+
+    fn apply(&mut self, action: Action, now: Duration) {
         let state = self.state();
         match action {
             Action::Play(command) => self.command(command, now),
@@ -66,18 +89,16 @@ impl Session {
                 }
             }
             Action::Colors(map) => {
-                let tf = &self.look.tf;
-                self.set_tf(TransferFunction::new(map, tf.points().to_vec(), tf.positions(), tf.values()));
+                self.set_tf(|tf| TransferFunction::new(map, tf.points().to_vec(), tf.positions(), tf.values()));
             }
             Action::Opacities(points) => {
-                let tf = &self.look.tf;
-                let map = tf.color_map().clone();
-                self.set_tf(TransferFunction::new(map, points, PositionKind::Relative, tf.values()));
+                let relative = PositionKind::Relative;
+                self.set_tf(|tf| TransferFunction::new(tf.color_map().clone(), points, relative, tf.values()));
             }
-            Action::Range(range) => {
-                self.look.range = range;
-                self.leave(|followed| followed.ensembles = EnsembleChoice::Own);
-            }
+            Action::Range(range) => self.edit_member(|member| member.range = range),
+            Action::Edit(edit) => self.edit(*edit),
+            Action::SaveProject { to, may_replace } => self.save_project(to, may_replace),
+            Action::Member(index) => self.member = index,
             Action::Background(color) => self.background = color,
             Action::Backend(backend) => self.look.backend = backend,
             Action::Renderer(mode) => self.look.mode = mode,
@@ -122,10 +143,7 @@ impl Session {
             Action::ImageScale(scale) => {
                 self.image_scale = scale.clamp(*IMAGE_SCALES.start(), *IMAGE_SCALES.end());
             }
-            Action::PointAt(place) => {
-                let series = self.series().clone();
-                self.insight.point_at(place, &series, self.shown.as_ref().map(|shown| &shown.request));
-            }
+            Action::PointAt(_) | Action::Undo | Action::Redo => {}
             Action::Pick => self.insight.pick(),
             Action::ForgetPick => self.insight.forget_pick(),
             Action::Screenshot => self.wants_screenshot = true,
@@ -179,31 +197,97 @@ impl Session {
         }
     }
 
-    fn set_tf(&mut self, tf: Result<TransferFunction, TransferError>) {
-        match tf {
-            Ok(tf) => {
-                self.look.tf = tf;
-                self.leave(|followed| followed.ensembles = EnsembleChoice::Own);
-            }
+    /// Changes the transfer function of the edited member, unless that has shapes over a histogram.
+    fn set_tf(&mut self, changed: impl FnOnce(&TransferFunction) -> Result<TransferFunction, TransferError>) {
+        let Some(tf) = self.function() else { return };
+        match changed(tf) {
+            Ok(tf) => self.edit_member(|member| member.function = Function::TransferFunction(tf)),
             Err(error) => self.fail(error.to_string()),
         }
     }
 
-    /// Stops following some settings of the project, if there is one.
+    /// Changes the edited member.
+    fn edit_member(&mut self, change: impl FnOnce(&mut Member)) {
+        let (Some((ensemble, index)), Some(member)) = (self.edited_member(), self.member()) else { return };
+        let mut changed = member.clone();
+        change(&mut changed);
+        if changed != *member {
+            self.edit(Edit::SetMember { ensemble, index, member: Box::new(changed) });
+        }
+    }
+
+    /// Applies a change of the project, or says why that cannot be.
+    fn edit(&mut self, edit: Edit) {
+        let mut project = Project::clone(self.document.project());
+        match edit.apply(&mut project) {
+            Ok(()) => self.document.set_project(project),
+            Err(error) => self.fail(error.to_string()),
+        }
+    }
+
+    /// Writes what is shown to a project file, on another thread.
+    fn save_project(&mut self, to: Option<PathBuf>, may_replace: bool) {
+        let own = self.document.file().map(Path::to_owned);
+        let Some(file) = to.or(own.clone()) else {
+            self.fail("the project has no file yet: name one in the side panel, at Project".to_owned());
+            return;
+        };
+        let file = absolute(&file).unwrap_or(file);
+        let file = if file.extension().is_some() { file } else { file.with_extension("toml") };
+        let project = self.to_project(&file);
+        let state = self.document.state(&self.look);
+        self.jobs.write_project(project, file.clone(), may_replace || own == Some(file), state);
+    }
+
+    /// What is shown, as a project in this file. Where the timeline has keys it is the timeline's, whatever the user turned to meanwhile.
+    pub fn to_project(&self, file: &Path) -> Project {
+        let project = Project::clone(self.project());
+        let folder = files::parent_of(file);
+        // A source beside the file, or below, may move with it.
+        let source = self.source.strip_prefix(folder).unwrap_or(&self.source).to_owned();
+        let ensemble = match self.look.followed.ensembles {
+            EnsembleChoice::One(index) => project.ensembles.get(index).map(|ensemble| ensemble.name.clone()),
+            EnsembleChoice::Project => project.look.ensemble.clone(),
+        };
+        let shown = Look { camera: self.camera(), ..self.look.clone() };
+        let usual = Look::default_for(self.series(), self.look.tf.clone()).unwrap_or_else(|_| shown.clone());
+        Project {
+            data: Data { source, ..project.data },
+            look: LookSettings::of(&shown, &usual, ensemble),
+            playback: self.state().settings,
+            ..project
+        }
+    }
+
+    /// Turns to another field: a window that was opened without a project has its automatic colours, unless the user chose others. No change from
+    /// before can be undone.
+    pub(super) fn turn_to_field(&mut self, name: &str, before: &FirstLook, first: FirstLook) {
+        let is_first = |member: &Member| member.range == before.range && self.function() == Some(&before.tf);
+        if !self.document.is_of_file() && self.member().is_some_and(is_first) {
+            let FirstLook { tf, range, .. } = first;
+            self.edit_member(|member| (member.function, member.range) = (Function::TransferFunction(tf), range));
+        }
+        let mut data = self.project().data.clone();
+        data.field = name.parse().ok();
+        self.edit(Edit::SetData(data));
+        self.document.begin_here(&self.look);
+    }
+
+    /// Stops following some settings of the project, if it has a timeline.
     fn leave(&mut self, change: impl FnOnce(&mut Followed)) {
-        if self.project().is_some() {
+        if self.project().timeline != Timeline::default() {
             change(&mut self.look.followed);
         }
     }
 
-    /// Chooses ensembles; does nothing if the project has no such ensemble.
+    /// Chooses ensembles; does nothing if the project has no such ensemble, or no other one.
     fn choose_ensembles(&mut self, choice: EnsembleChoice) {
-        let count = self.project().map_or(0, |project| project.ensembles.len());
+        let count = self.project().ensembles.len();
         let followed = &mut self.look.followed;
         match choice {
-            EnsembleChoice::One(index) if index >= count => {}
+            EnsembleChoice::One(index) if index >= count || count == 1 => {}
             EnsembleChoice::Project => *followed = Followed { camera: followed.camera, ..Followed::default() },
-            EnsembleChoice::One(_) | EnsembleChoice::Own => followed.ensembles = choice,
+            EnsembleChoice::One(_) => followed.ensembles = choice,
         }
     }
 

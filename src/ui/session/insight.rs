@@ -37,7 +37,8 @@ impl Session {
             return None;
         };
         let series = self.series().clone();
-        let request = self.previews.make(&self.look, &series, FrameTime::from(step), size, &mut Drawing::at_rest)?;
+        let (project, time) = (self.document.project(), FrameTime::from(step));
+        let request = self.previews.make(project, &self.look, &series, time, size, &mut Drawing::at_rest)?;
         self.insight.thumbnails.want(&series, &request, self.background);
         self.insight.thumbnails.get(&request)?.ok()
     }

@@ -9,6 +9,7 @@ use crate::ui::motion::Drawing;
 use crate::ui::notice::{self, NoticeKind};
 use crate::ui::shortfall;
 use crate::ui::still::Still;
+use std::sync::Arc;
 use std::time::Duration;
 
 impl Session {
@@ -16,9 +17,7 @@ impl Session {
     /// the latest (`None`: after an action, or when woken).
     pub fn tick(&mut self, now: Duration) -> (bool, Option<Duration>) {
         self.finish_jobs();
-        if let Some(project) = &mut self.requests.project {
-            project.collect();
-        }
+        self.requests.worker.collect();
         let (state, is_busy) = (self.state(), now < self.busy_until);
         self.player.pipelined().leave_a_core(is_busy);
         let Some(size) = self.size_px() else { return (false, None) };
@@ -28,7 +27,8 @@ impl Session {
         let (series, target_ms, family) = (self.series().clone(), self.target_ms(&state, now), self.family);
         self.look_at_costs(size);
         self.requests.previews = if target_ms.is_none() { self.previews() } else { Vec::new() };
-        let Self { player, requests, quality, drawing, look, asked, .. } = self;
+        let Self { player, requests, quality, drawing, look, asked, document, .. } = self;
+        let project = document.project();
         let last = *drawing;
         let mut choose = |of: Drawing| {
             *drawing = Some(of);
@@ -40,7 +40,8 @@ impl Session {
         let moves = target_ms.is_some();
         let is_same = |asked: &mut Asked| {
             let before = std::mem::replace(&mut asked.quality, now_drawn);
-            asked.look == *look && asked.size_px == size && (moves || before == now_drawn)
+            let is_same_project = Arc::ptr_eq(&asked.project, project);
+            is_same_project && asked.look == *look && asked.size_px == size && (moves || before == now_drawn)
         };
         if !asked.as_mut().is_some_and(is_same) || requests.for_window != for_window {
             requests.for_window = for_window;
@@ -48,9 +49,9 @@ impl Session {
             if asked.is_some() {
                 player.redraw();
             }
-            *asked = Some(Asked { look: look.clone(), size_px: size, quality: now_drawn });
+            *asked = Some(Asked { project: project.clone(), look: look.clone(), size_px: size, quality: now_drawn });
         }
-        let tick = player.tick(now, &mut |time| requests.make(look, &series, time, size, &mut choose));
+        let tick = player.tick(now, &mut |time| requests.make(project, look, &series, time, size, &mut choose));
         if let Some(problem) = self.requests.problem.take() {
             self.fail(problem);
         }
@@ -134,7 +135,7 @@ impl Session {
         }
         let Some(asked) = &self.asked else { return };
         let as_asked = Look { camera: asked.look.camera, ..self.look.clone() };
-        if asked.look != as_asked {
+        if asked.look != as_asked || !Arc::ptr_eq(&asked.project, self.document.project()) {
             self.quality.forget();
         }
     }
@@ -144,7 +145,8 @@ impl Session {
         let (Some(shown), Some(size)) = (&self.shown, self.size_px()) else { return };
         let series = self.series().clone();
         let time = shown.request.time;
-        let wanted = self.requests.make(&self.look, &series, time, size, &mut Drawing::at_rest);
+        let project = self.document.project();
+        let wanted = self.requests.make(project, &self.look, &series, time, size, &mut Drawing::at_rest);
         let Some(wanted) = wanted else { return };
         // All cells are at least as good as the chosen faces.
         let lod = shown.request.lod().max(wanted.lod());
@@ -166,6 +168,11 @@ impl Session {
                     notice::add(&mut self.notices, NoticeKind::Done, format!("saved {}", path.display()));
                 }
                 Done::Screenshot(Err(error)) => self.fail(error.to_string()),
+                Done::Project(Ok(path), state) => {
+                    notice::add(&mut self.notices, NoticeKind::Done, format!("saved {}", path.display()));
+                    self.document.set_file(path, *state);
+                }
+                Done::Project(Err(error), _) => self.fail(error.to_string()),
                 Done::Compared(error) => self.motion_error = Some(error),
                 Done::Failed(problem) => {
                     self.opens_field = false;
@@ -174,10 +181,7 @@ impl Session {
                 Done::Series(series, looks) => {
                     self.opens_field = false;
                     let [before, first] = *looks;
-                    // Colours chosen by the user are kept.
-                    if self.look.is_first(&before) {
-                        (self.look.tf, self.look.range) = (first.tf, first.range);
-                    }
+                    self.turn_to_field(&series.field().name, &before, first);
                     self.player.set_series(series);
                     self.quality.forget_all();
                     (self.moved, self.motion_error) = (None, None);

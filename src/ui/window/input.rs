@@ -13,10 +13,11 @@ pub(super) fn pressed(ctx: &egui::Context) -> Vec<Action> {
     ctx.input(|input| {
         for event in &input.events {
             if let egui::Event::Key { key, pressed: true, modifiers, repeat, .. } = event
-                && !(modifiers.alt || modifiers.ctrl || modifiers.command)
+                && !modifiers.alt
             {
                 let (key, shift) = known(*key, modifiers.shift);
-                actions.extend(keys::action(key, shift).filter(|action| !repeat || repeats(action)));
+                let ctrl = modifiers.ctrl || modifiers.command;
+                actions.extend(keys::action(key, [ctrl, shift]).filter(|action| !repeat || repeats(action)));
             }
         }
     });
@@ -26,7 +27,7 @@ pub(super) fn pressed(ctx: &egui::Context) -> Vec<Action> {
 /// Whether the action repeats while its key is held.
 fn repeats(action: &Action) -> bool {
     use crate::playback::Command;
-    matches!(action, Action::Play(Command::Step(_)) | Action::Faster | Action::Slower)
+    matches!(action, Action::Play(Command::Step(_)) | Action::Faster | Action::Slower | Action::Undo | Action::Redo)
 }
 
 /// The table's key for a key of egui, and whether shift counts for it.

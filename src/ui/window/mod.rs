@@ -30,19 +30,21 @@ use super::notice::{self, Notice, NoticeKind};
 use super::opening::{Opened, Opening, OpeningEnd, OpeningOptions};
 use super::settings::SettingsFile;
 use super::{Action, Session, SessionOptions, SettingsKeeper};
+use crate::field::FieldSelector;
 use crate::look::Look;
 use crate::pipeline::{Pipeline, Pipelined, PipelinedOptions, Series, WindowGpu};
 use crate::playback::{Clock, Command, Loop, Player};
-use crate::project::Project;
+use crate::project::{Project, is_project};
 use crate::render::RenderError;
 use crate::render::gpu::context::ContextOptions;
 use crate::task::Cancel;
 use blit::Backdrop;
+use crossbeam::channel::{Receiver, bounded};
 use eframe::egui;
 use eframe::egui_wgpu::{RenderState, wgpu};
 use screen::Screen;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 use waker::Waker;
@@ -56,17 +58,32 @@ pub struct Dressed {
     pub camera_is_chosen: bool,
     /// The project, which overrides the look over time and sets the playback.
     pub project: Option<Arc<Project>>,
+    /// Its file.
+    pub file: Option<PathBuf>,
 }
 
 impl From<Look> for Dressed {
     /// A look with a camera that frames the mesh.
     fn from(look: Look) -> Self {
-        Self { look, camera_is_chosen: false, project: None }
+        Self { look, camera_is_chosen: false, project: None, file: None }
     }
 }
 
 /// Chooses the initial look of a series.
 pub type Dress = Arc<dyn Fn(&Series) -> Result<Dressed, String> + Send + Sync>;
+
+/// A project file that was read.
+pub struct ReadProject {
+    /// The store or source that it names.
+    pub source: PathBuf,
+    /// Its field.
+    pub field: Option<FieldSelector>,
+    /// Its look.
+    pub dress: Dress,
+}
+
+/// Reads a project file.
+pub type ProjectReader = Arc<dyn Fn(&Path) -> Result<ReadProject, String> + Send + Sync>;
 
 /// Initial content of a window.
 pub enum Start {
@@ -84,6 +101,8 @@ pub struct WindowOptions {
     pub start: Start,
     /// Initial look.
     pub dress: Dress,
+    /// Reads projects that are opened in the window.
+    pub projects: ProjectReader,
     /// Whether camera, colours and range are restored, if the series was opened before.
     pub restores: bool,
     /// Whether steps added to a store are shown.
@@ -117,6 +136,8 @@ struct Followed {
 pub struct PlayerWindow {
     session: Option<Session>,
     opening: Option<(Opening, Dress)>,
+    /// A project file that is being read.
+    reading: Option<Receiver<Result<ReadProject, String>>>,
     followed: Option<Followed>,
     options: WindowOptions,
     keeper: SettingsKeeper,
@@ -156,6 +177,7 @@ impl PlayerWindow {
         let mut window = Self {
             session: None,
             opening: None,
+            reading: None,
             followed: None,
             options,
             path: None,
@@ -248,6 +270,45 @@ impl PlayerWindow {
         self.opening = Some((opening, dress));
     }
 
+    /// Opens what the user names: a project with its look, other files with the look that they had last.
+    fn open_wish(&mut self, paths: Vec<PathBuf>) {
+        match &*paths {
+            [path] if is_project(path) => {
+                let (to, from) = bounded(1);
+                let (path, read, wake) = (path.clone(), self.options.projects.clone(), self.waker.wake());
+                let thread = std::thread::Builder::new().name("project file".to_owned()).spawn(move || {
+                    // The window may be closed by then.
+                    let _ = to.send(read(&path));
+                    wake();
+                });
+                match thread {
+                    Ok(_) => self.reading = Some(from),
+                    Err(error) => self.fail(format!("the system gives no thread: {error}")),
+                }
+            }
+            paths if paths.iter().any(|path| is_project(path)) => {
+                self.fail("a project is opened alone: drop or name it without other files".to_owned());
+            }
+            _ => {
+                let dress = self.as_last(&paths, Arc::new(plain));
+                self.open_files(paths, dress);
+            }
+        }
+    }
+
+    /// Opens the source of a project that has been read.
+    fn finish_reading(&mut self) {
+        let Some(read) = self.reading.as_ref().and_then(|reading| reading.try_recv().ok()) else { return };
+        self.reading = None;
+        match read {
+            Ok(ReadProject { source, field, dress }) => {
+                self.options.opening.field = field;
+                self.open_files(vec![source], dress);
+            }
+            Err(problem) => self.fail(problem),
+        }
+    }
+
     /// Plays an opened series in place of the current one.
     fn play(&mut self, opened: Opened, dress: &Dress) {
         let (name, path) = (opened.name.clone(), opened.path.clone());
@@ -262,7 +323,8 @@ impl PlayerWindow {
                     }
                 }
                 self.remember_look();
-                self.keeper.settings_mut().remember_file(&path);
+                let opens = session.project_file().unwrap_or(&path).to_owned();
+                self.keeper.settings_mut().remember_file(&opens);
                 self.path = Some(path);
                 let last = self.session.replace(session);
                 self.screen.forget();
@@ -275,8 +337,8 @@ impl PlayerWindow {
     }
 
     fn session_of(&self, opened: Opened, dress: &Dress) -> Result<(Session, Option<Followed>), String> {
-        let Opened { store, series, .. } = opened;
-        let Dressed { look, camera_is_chosen, project } = dress(&series)?;
+        let Opened { store, series, path: source, .. } = opened;
+        let Dressed { look, camera_is_chosen, project, file } = dress(&series)?;
         let playback = project.as_ref().map_or_else(Default::default, |project| project.playback);
         let followed = self.options.follows.then(|| {
             let wake = Arc::new(self.waker.wake());
@@ -295,8 +357,10 @@ impl PlayerWindow {
         let target_fps = Some(settings.target_rate).filter(|rate| *rate > 0.0);
         let options = SessionOptions {
             store,
+            source,
             look,
             project,
+            file,
             camera_is_chosen,
             background,
             image_scale,
@@ -332,11 +396,10 @@ impl PlayerWindow {
 
     /// Saves the look of the current series.
     fn remember_look(&mut self) {
-        // A project has its own look.
-        let plain = self.session.as_ref().filter(|session| session.project().is_none());
-        if let (Some(session), Some(path)) = (plain, &self.path) {
-            self.keeper.settings_mut().remember_look(path, &session.series().field().name, session.look());
-        }
+        let Some((session, path)) = self.session.as_ref().zip(self.path.as_ref()) else { return };
+        let Some((tf, range)) = session.plain_colors() else { return };
+        let look = Look { tf: tf.clone(), range, ..session.look().clone() };
+        self.keeper.settings_mut().remember_look(path, &session.series().field().name, &look);
     }
 
     fn first_dress(&self, paths: &[PathBuf]) -> Dress {
@@ -371,6 +434,7 @@ impl PlayerWindow {
         if let Some(title) = self.title.take() {
             ctx.send_viewport_cmd(egui::ViewportCommand::Title(title));
         }
+        self.finish_reading();
         self.finish_opening();
         self.take_growth();
         let dropped = ctx.input(|input| input.raw.dropped_files.clone());
@@ -393,10 +457,7 @@ impl PlayerWindow {
         popups::drop_hint(&ctx);
         self.remember(&ctx);
         match wish {
-            Some(Wish::Open(paths)) => {
-                let dress = self.as_last(&paths, Arc::new(plain));
-                self.open_files(paths, dress);
-            }
+            Some(Wish::Open(paths)) => self.open_wish(paths),
             Some(Wish::Stop) => self.opening = None,
             None => {}
         }
@@ -437,6 +498,7 @@ impl PlayerWindow {
         // Behind all widgets, whose positions are not known yet.
         let (backdrop, whole) = (ui.painter().add(egui::Shape::Noop), ui.available_rect_before_wrap());
         let panel = egui::Frame::side_top_panel(ui.style()).fill(egui::Color32::TRANSPARENT);
+        session.hold(ctx.input(|input| input.pointer.any_down()));
         let mut actions = input::pressed(&ctx);
         popups::notices(ui, session, &mut actions);
         let shows_side = &mut self.keeper.settings_mut().shows_side;

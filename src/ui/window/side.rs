@@ -1,10 +1,11 @@
 //! The side panel: controls of data and look.
 
 use super::overlay::{self, Overlays, horizontal_strip};
+use super::project::ProjectPanel;
 use super::transfer_editor::TransferEditor;
 use super::welcome::{self, PathBox, Wish};
 use super::widgets::{chosen, color_button, labelled, number, within_width};
-use super::{point, project, statistics, surfaces};
+use super::{point, statistics, surfaces};
 use crate::camera::{Axis, Projection};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode};
@@ -23,6 +24,7 @@ pub(super) const WIDTH: f32 = 250.0;
 #[derive(Debug, Default)]
 pub(super) struct Side {
     editor: TransferEditor,
+    project: ProjectPanel,
 }
 
 impl Side {
@@ -37,9 +39,9 @@ impl Side {
                     CollapsingHeader::new(title).default_open(true).show(ui, |ui| show(ui));
                 };
                 section(ui, "Field", &mut |ui| field(ui, session, actions));
-                if let Some(project) = session.project() {
-                    section(ui, "Project", &mut |ui| project::show(ui, session, project, actions));
-                }
+                let is_of_file = session.project_file().is_some() || session.project().ensembles.len() > 1;
+                let project = CollapsingHeader::new("Project").default_open(is_of_file);
+                project.show(ui, |ui| self.project.show(ui, session, actions));
                 section(ui, "Colours", &mut |ui| colors(ui, session, actions));
                 section(ui, "Opacity", &mut |ui| {
                     if let Some(range) = session.shown_range() {
@@ -93,8 +95,20 @@ fn field(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     }
 }
 
+/// Text for a member that has no curve.
+pub(super) const SHAPES: &str = "shapes over a histogram, from the project file";
+
 fn colors(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
-    let map = session.look().tf.color_map();
+    match session.function() {
+        Some(tf) => color_map(ui, tf.color_map(), actions),
+        None => drop(ui.label(SHAPES)),
+    }
+    if let (Some(member), Some(range)) = (session.member(), session.shown_range()) {
+        range_of_colors(ui, session, (member.range, &range), actions);
+    }
+}
+
+fn color_map(ui: &mut Ui, map: &ColorMap, actions: &mut Vec<Action>) {
     let combo = egui::ComboBox::from_id_salt("colour map").selected_text(map.name()).width(WIDTH - 90.0);
     let name = map.name().to_owned();
     let response = combo.show_ui(ui, |ui| {
@@ -118,9 +132,6 @@ fn colors(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     if ui.checkbox(&mut is_reversed, "reversed").clicked() {
         actions.push(Action::Colors(map.reversed()));
     }
-    if let Some(range) = session.shown_range() {
-        range_of_colors(ui, session, &range, actions);
-    }
 }
 
 /// The colours of a map from left to right.
@@ -130,8 +141,13 @@ fn preview(ui: &mut Ui, map: &ColorMap, size: egui::Vec2) {
     response.widget_info(|| WidgetInfo::labeled(Role::Image, true, format!("Colours of {}", map.name())));
 }
 
-fn range_of_colors(ui: &mut Ui, session: &Session, range: &MappedRange, actions: &mut Vec<Action>) {
-    let policy = session.look().range;
+/// How the range is found, and its ends as they are on the screen.
+fn range_of_colors(
+    ui: &mut Ui,
+    session: &Session,
+    (policy, range): (RangePolicy, &MappedRange),
+    actions: &mut Vec<Action>,
+) {
     let (lo, hi) = (range.lo(), range.hi());
     let (least, greatest) = match policy {
         RangePolicy::Percentile(from, to) | RangePolicy::SymmetricPercentile(from, to) => (from, to),

@@ -2,7 +2,7 @@
 
 use super::overlay::horizontal_strip;
 use super::widgets::number;
-use crate::transfer::{MappedRange, OpacityPoint};
+use crate::transfer::{MappedRange, OpacityPoint, TransferFunction};
 use crate::ui::{Action, Session, opacity};
 use eframe::egui;
 use egui::{DragValue, Mesh, Pos2, Rect, Role, Sense, Shape, Stroke, StrokeKind, Ui, WidgetInfo, pos2, vec2};
@@ -44,19 +44,23 @@ impl Axes {
 impl TransferEditor {
     /// Shows the curve over `range`.
     pub(super) fn show(&mut self, ui: &mut Ui, session: &Session, range: &MappedRange, actions: &mut Vec<Action>) {
-        let look = session.look();
-        let points = opacity::relative_points(look, range);
+        let Some(tf) = session.function() else {
+            ui.label(super::side::SHAPES);
+            return;
+        };
+        let points = opacity::relative_points(tf, range);
         let size = vec2(ui.available_width(), HEIGHT.0 + HEIGHT.1);
         let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
         response.widget_info(|| {
             WidgetInfo::labeled(Role::Image, true, format!("Opacity curve of {} points, edited below", points.len()))
         });
         let curve = Rect::from_min_max(rect.min, pos2(rect.right(), rect.bottom() - HEIGHT.1));
-        let axes = Axes { rect: curve.shrink(POINT.0), highest: opacity::highest_value(look) };
+        let axes =
+            Axes { rect: curve.shrink(POINT.0), highest: opacity::highest_value(tf, session.look().opacity_kind) };
         if let Some(points) = self.edited(&response, &axes, &points) {
             actions.push(Action::Opacities(points));
         }
-        draw(ui, rect, &axes, &points, session, range);
+        draw(ui, rect, &axes, &points, session, tf, range);
         ui.collapsing("Points as numbers", |ui| boxes(ui, &points, axes.highest, actions));
     }
 
@@ -101,14 +105,22 @@ fn bars(axes: &Axes, session: &Session, range: &MappedRange, color: egui::Color3
     mesh
 }
 
-fn draw(ui: &Ui, rect: Rect, axes: &Axes, points: &[OpacityPoint], session: &Session, range: &MappedRange) {
+fn draw(
+    ui: &Ui,
+    rect: Rect,
+    axes: &Axes,
+    points: &[OpacityPoint],
+    session: &Session,
+    tf: &TransferFunction,
+    range: &MappedRange,
+) {
     let visuals = ui.visuals();
     let painter = ui.painter().with_clip_rect(rect);
     painter.rect_filled(rect, 2.0, visuals.extreme_bg_color);
     painter.add(Shape::mesh(bars(axes, session, range, visuals.weak_text_color().gamma_multiply(0.5))));
     let colors =
         Rect::from_min_max(pos2(rect.left() + POINT.0, rect.bottom() - HEIGHT.1), rect.max - vec2(POINT.0, 2.0));
-    painter.add(horizontal_strip(colors, |position| session.look().tf.color_map().eval(position)));
+    painter.add(horizontal_strip(colors, |position| tf.color_map().eval(position)));
     let ink = Stroke::new(1.5, visuals.text_color());
     let mut line: Vec<Pos2> = points.iter().map(|&point| axes.on_screen(point)).collect();
     // The curve is constant outside of its points.

@@ -1,6 +1,6 @@
 //! A window without a screen, and a user who finds things by their names.
 
-use egui::{Key, Pos2, Rect};
+use egui::{Key, Modifiers, Pos2, Rect};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use egui_kittest::wgpu::{WgpuTestRenderer, create_render_state};
@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use tetreel::ingest::{ImportCache, IngestOptions, ingest};
 use tetreel::look::Look;
 use tetreel::pipeline::{Backend, PipelinedOptions, Series};
+use tetreel::project::Project;
 use tetreel::render::gpu::context;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
@@ -18,7 +19,7 @@ use tetreel::transfer::{Lengths, TransferFunction};
 use tetreel::ui::Session;
 use tetreel::ui::opening::OpeningOptions;
 use tetreel::ui::settings::SettingsFile;
-use tetreel::ui::window::{PlayerWindow, Start, WindowOptions};
+use tetreel::ui::window::{Dressed, PlayerWindow, ReadProject, Start, WindowOptions};
 
 /// Steps of its series.
 pub const STEPS: usize = 6;
@@ -65,14 +66,10 @@ pub fn store(folder: &Path) -> PathBuf {
 
 /// Options of a window that writes nowhere but to this folder.
 pub fn options(folder: &Path, start: Start) -> WindowOptions {
-    let dress = |series: &Series| {
-        let look = Look::default_for(series, TransferFunction::parse("viridis@0:0.1,1:0.6").unwrap()).unwrap();
-        let lengths = Lengths { unit_distance: 5.0 * look.lengths.unit_distance, ..look.lengths };
-        Ok(Look { lengths, backend: Backend::Cpu, ..look }.into())
-    };
     WindowOptions {
         start,
         dress: Arc::new(dress),
+        projects: Arc::new(read_project),
         restores: false,
         follows: false,
         plays: false,
@@ -84,6 +81,24 @@ pub fn options(folder: &Path, start: Start) -> WindowOptions {
         gpu: Default::default(),
         settings: SettingsFile::at(folder.join("settings")),
     }
+}
+
+fn dress(series: &Series) -> Result<Dressed, String> {
+    let look = Look::default_for(series, TransferFunction::parse("viridis@0:0.1,1:0.6").unwrap()).unwrap();
+    let lengths = Lengths { unit_distance: 5.0 * look.lengths.unit_distance, ..look.lengths };
+    Ok(Look { lengths, backend: Backend::Cpu, ..look }.into())
+}
+
+/// Reads the project and its field; what else it says of the look is the command line's.
+fn read_project(path: &Path) -> Result<ReadProject, String> {
+    let project = Arc::new(Project::read(path).map_err(|error| error.to_string())?);
+    let (source, field) = (path.parent().unwrap().join(&project.data.source), project.data.field.clone());
+    let file = path.to_owned();
+    let dressed = move |series: &Series| {
+        let (project, file) = (Some(project.clone()), Some(file.clone()));
+        Ok(Dressed { project, file, ..dress(series)? })
+    };
+    Ok(ReadProject { source, field, dress: Arc::new(dressed) })
 }
 
 /// The GPU of the window, as a real one has it.
@@ -204,7 +219,12 @@ impl Desk {
 
     /// Presses a key.
     pub fn press(&mut self, key: Key) {
-        self.harness.key_press(key);
+        self.press_with(Modifiers::NONE, key);
+    }
+
+    /// Presses a key while others are held.
+    pub fn press_with(&mut self, modifiers: Modifiers, key: Key) {
+        self.harness.key_press_modifiers(modifiers, key);
         self.harness.step();
     }
 

@@ -196,7 +196,7 @@ fn what_was_chosen_is_there_again_the_next_time() {
     desk.harness.step();
     desk.click("tornado.zarr");
     desk.begin();
-    assert_eq!(desk.session().look().tf.color_map().name(), "turbo");
+    assert_eq!(desk.session().function().unwrap().color_map().name(), "turbo");
     assert_eq!(desk.session().look().camera, look.camera);
     assert!(desk.harness.query_by_label("Colour map").is_none(), "the panel is still away");
 }

@@ -4,7 +4,6 @@ use egui::Key;
 use egui_kittest::kittest::{NodeT, Queryable};
 use std::path::Path;
 use std::sync::Arc;
-use tetreel::look::EnsembleChoice;
 use tetreel::pipeline::{FrameRequest, Series};
 use tetreel::playback::{Loop, StepRange};
 use tetreel::project::Project;
@@ -85,10 +84,16 @@ fn the_ensembles_of_a_project_are_listed_and_chosen_by_click_and_by_key() {
     assert_eq!(table(&desk.session().shown().unwrap().request), table(&on_timeline));
     desk.click("reversed");
     desk.settle();
-    assert!(marked(&desk).is_empty());
-    assert_eq!(desk.session().look().followed.ensembles, EnsembleChoice::Own);
-    desk.until_there("shown: your own colours, not the project's");
-    desk.save("project_own.png");
+    assert_eq!(marked(&desk), ["overview"], "the ensemble itself is edited");
+    assert_ne!(table(&desk.session().shown().unwrap().request), table(&on_timeline));
+    desk.save("project_edited.png");
+    desk.click("Undo");
+    desk.settle();
+    assert_eq!(table(&desk.session().shown().unwrap().request), table(&on_timeline));
+    desk.press_with(egui::Modifiers::CTRL | egui::Modifiers::SHIFT, Key::Z);
+    desk.settle();
+    assert_ne!(table(&desk.session().shown().unwrap().request), table(&on_timeline));
+    desk.press_with(egui::Modifiers::CTRL, Key::Z);
     desk.press(Key::Num0);
     desk.settle();
     assert_eq!(marked(&desk), ["timeline"]);
@@ -131,7 +136,7 @@ fn it_is_played_as_the_project_says_and_what_is_opened_next_is_not() {
     desk.harness.step();
     desk.press(Key::Enter);
     let begin = std::time::Instant::now();
-    while desk.session().project().is_some() {
+    while desk.session().project().ensembles.len() > 1 {
         desk.harness.step();
         assert!(begin.elapsed().as_secs() < 60);
     }
@@ -142,10 +147,59 @@ fn it_is_played_as_the_project_says_and_what_is_opened_next_is_not() {
 }
 
 #[test]
+fn what_is_shown_is_saved_as_a_project_and_opened_again() {
+    let Some(mut desk) = Desk::open() else { return };
+    desk.settle();
+    desk.click("reversed");
+    desk.settle();
+    let picture = desk.session().shown().unwrap().request.clone();
+    let path = desk.folder.path().join("seen.toml");
+    let saves = |desk: &mut Desk, path: &Path| {
+        desk.click("Path of the project file");
+        desk.press_with(egui::Modifiers::CTRL, Key::A);
+        desk.harness.get_by_label("Path of the project file").type_text(path.to_str().unwrap());
+        desk.harness.step();
+        desk.click("Save to this file");
+        desk.until("a message", |session| !session.notices().is_empty());
+        let text = desk.session().notices()[0].text.clone();
+        desk.click("Dismiss message 1");
+        text
+    };
+    desk.click("Project");
+    desk.settle();
+    desk.click("Save as");
+    desk.settle();
+    desk.save("project_save.png");
+    assert!(saves(&mut desk, &path).starts_with("saved "));
+    assert!(!desk.session().is_changed() && desk.session().project_file() == Some(&path));
+    let other = desk.folder.path().join("other.toml");
+    std::fs::write(&other, "mine").unwrap();
+    assert!(saves(&mut desk, &other).contains("there is a file of that name"));
+    assert_eq!(std::fs::read_to_string(&other).unwrap(), "mine");
+    desk.click("reversed");
+    desk.until_there("seen.toml, changed");
+    desk.click("Open...");
+    desk.click("Path to open");
+    desk.click("Path to open");
+    desk.harness.get_by_label("Path to open").type_text(path.to_str().unwrap());
+    desk.harness.step();
+    desk.press(Key::Enter);
+    let begin = std::time::Instant::now();
+    while desk.session().is_changed() {
+        desk.harness.step();
+        assert!(begin.elapsed().as_secs() < 60);
+    }
+    desk.begin();
+    desk.settle();
+    let again = desk.session().shown().unwrap().request.clone();
+    assert_eq!(again.tets().unwrap().table, picture.tets().unwrap().table);
+    desk.until_there("seen.toml");
+}
+
+#[test]
 fn a_project_without_ensembles_has_no_list() {
     let text = &PROJECT[..PROJECT.find("[[ensembles]]").unwrap()];
     let Some(mut desk) = open(text) else { return };
-    assert!(desk.harness.query_by_label("no ensembles").is_some());
     assert!(desk.harness.query_by_label("timeline").is_none() && desk.harness.query_by_label("camera path").is_none());
     desk.press(Key::Num1);
     desk.settle();

@@ -94,7 +94,7 @@ mod linux {
             let Some(session) = window.session() else { return };
             let (state, look) = (session.state(), session.look());
             self.playing = state.playing;
-            self.color_map = look.tf.color_map().name().to_owned();
+            self.color_map = session.function().map(|tf| tf.color_map().name().to_owned()).unwrap_or_default();
             self.camera = Some(look.camera);
             self.notices = session.notices().iter().map(|notice| notice.text.clone()).collect();
             if let (Some(shown), Some(asked)) = (session.shown(), state.frame) {

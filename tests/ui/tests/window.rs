@@ -112,7 +112,7 @@ fn another_colour_map_is_chosen_and_seen() {
     desk.settle();
     desk.save("colour_maps.png");
     desk.click("inferno");
-    assert_eq!(desk.session().look().tf.color_map().name(), "inferno");
+    assert_eq!(desk.session().function().unwrap().color_map().name(), "inferno");
     desk.until("it is drawn", |session| session.shown().unwrap().frame.planes.color != before);
 }
 
