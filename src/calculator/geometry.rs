@@ -3,7 +3,8 @@
 //! The scalar is linear in each tetrahedron, so that volume times gradient is a sum of products without a division:
 //! `(s_a b x c + s_b c x a + s_c a x b) / 6` for edges a, b, c from one corner and differences s of scalars (see `mesh::gradient`),
 //! with the sign of the determinant. The mean gradient in a cell is the sum over its tetrahedra over its volume; that at a point is the
-//! sum over the cells around it over theirs. Slivers weigh as little as they fill, and flat tetrahedra nothing.
+//! sum over the cells around it over theirs. Slivers weigh as little as they fill, and flat tetrahedra nothing. A point that was added in the
+//! middle of a cell has the mean of its corners.
 
 use super::values::Values;
 use crate::field::Association;
@@ -16,7 +17,12 @@ pub(super) const COMPONENTS_MAX: usize = 3;
 
 /// The points and cells of a source, and the tetrahedra of each cell.
 pub(super) struct Geometry {
+    /// The points, then those that were added.
     points: Vec<DVec3>,
+    /// Number of points of the source.
+    of_source: usize,
+    /// The points that were added, each with the corners of its cell.
+    steiner: Vec<(u32, Vec<u32>)>,
     /// Vertices of the tetrahedra, cell by cell, and where those of each cell end.
     tets: Vec<[u32; 4]>,
     ends: Vec<usize>,
@@ -26,9 +32,11 @@ pub(super) struct Geometry {
 
 impl Geometry {
     pub(super) fn of(mesh: RawMesh) -> Self {
-        let RawMesh { points, cells } = mesh;
-        let count = cells.len();
-        let split = split(cells, &points);
+        let RawMesh { mut points, cells } = mesh;
+        let (count, of_source) = (cells.len(), points.len());
+        let mut split = split(cells, &points);
+        points.append(&mut split.steiner.points);
+        let steiner = split.steiner_corners().collect();
         let mut ends = vec![0; count];
         match &split.cell_of_tet {
             None => ends.iter_mut().enumerate().for_each(|(cell, end)| *end = cell + 1),
@@ -38,7 +46,7 @@ impl Geometry {
                 (1..count).for_each(|cell| ends[cell] = ends[cell].max(ends[cell - 1]));
             }
         }
-        let mut geometry = Self { points, tets: split.tets, ends, volumes: Vec::new() };
+        let mut geometry = Self { points, of_source, steiner, tets: split.tets, ends, volumes: Vec::new() };
         let volume = |cell| geometry.tets(cell).iter().map(|tet| geometry.edges(*tet).1.abs() / 6.0).sum();
         geometry.volumes = (0..count).into_par_iter().map(volume).collect();
         geometry
@@ -46,7 +54,7 @@ impl Geometry {
 
     /// Number of points or cells.
     pub(super) fn len(&self, association: Association) -> usize {
-        if association == Association::Point { self.points.len() } else { self.ends.len() }
+        if association == Association::Point { self.of_source } else { self.ends.len() }
     }
 
     fn tets(&self, cell: usize) -> &[[u32; 4]] {
@@ -61,11 +69,11 @@ impl Geometry {
         ([a, b, c], a.dot(b.cross(c)))
     }
 
-    /// The distinct vertices of a cell into `out`.
+    /// The distinct vertices of a cell into `out`, without one that was added.
     fn vertices(&self, cell: usize, out: &mut Vec<u32>) {
         out.clear();
         for &vertex in self.tets(cell).as_flattened() {
-            if !out.contains(&vertex) {
+            if (vertex as usize) < self.of_source && !out.contains(&vertex) {
                 out.push(vertex);
             }
         }
@@ -74,7 +82,7 @@ impl Geometry {
     /// Positions of points, or means of the vertices of cells, three numbers each.
     pub(super) fn positions(&self, association: Association) -> Values {
         let data = match association {
-            Association::Point => self.points.iter().flat_map(|p| p.to_array()).collect(),
+            Association::Point => self.points[..self.of_source].iter().flat_map(|p| p.to_array()).collect(),
             Association::Cell => {
                 let mut vertices = Vec::new();
                 let mut mean = |cell| {
@@ -95,7 +103,10 @@ impl Geometry {
         if values.is_constant {
             return Values { components: 3 * components, data: vec![0.0; 3 * components], is_constant: true };
         }
-        let of_points = (association == Association::Cell).then(|| self.to_points(values));
+        let mut of_points = (association == Association::Cell).then(|| self.to_points(values));
+        if !self.steiner.is_empty() {
+            self.add_means(of_points.get_or_insert_with(|| values.clone()));
+        }
         let of_points = of_points.as_ref().unwrap_or(values);
         let integral = |cell: usize| {
             let mut sum = [[0.0; 3]; COMPONENTS_MAX];
@@ -130,6 +141,18 @@ impl Geometry {
         Values::of(width, data)
     }
 
+    /// Appends to values of the source's points those of the points that were added: means of the corners of their cells.
+    fn add_means(&self, values: &mut Values) {
+        let width = values.components;
+        values.data.resize(self.points.len() * width, 0.0);
+        for (point, corners) in &self.steiner {
+            for component in 0..width {
+                let sum: f64 = corners.iter().map(|&corner| values.data[corner as usize * width + component]).sum();
+                values.data[*point as usize * width + component] = sum / corners.len() as f64;
+            }
+        }
+    }
+
     /// The means of cells around each point, weighted by volume.
     fn to_points(&self, values: &Values) -> Values {
         let weighted = |cell: usize, out: &mut Vec<f64>| {
@@ -142,8 +165,8 @@ impl Geometry {
 
     /// The sums over the cells around each point of what `integral` appends for a cell, over the sum of the cells' volumes.
     fn around(&self, width: usize, integral: impl Fn(usize, &mut Vec<f64>)) -> Vec<f64> {
-        let mut sums = vec![0.0; self.points.len() * width];
-        let mut volumes = vec![0.0; self.points.len()];
+        let mut sums = vec![0.0; self.of_source * width];
+        let mut volumes = vec![0.0; self.of_source];
         let (mut vertices, mut of_cell) = (Vec::new(), Vec::new());
         for (cell, volume) in self.volumes.iter().enumerate() {
             self.vertices(cell, &mut vertices);

@@ -3,13 +3,14 @@
 //! The store has the source index of each vertex and cell. Points and cells dropped by the import (points that no cell used, flat and
 //! duplicate cells) are missing; the others keep their order. Cells that were split come back by their corners: voxels as
 //! hexahedra, curved cells as linear ones, polyhedra with their faces seen from one side. Cells with reversed
-//! orientation are reversed back. Points are those of the source, bit for bit. (A store of an older version gives them to within 2^-25 of
+//! orientation are reversed back. Vertices that the import added in the middle of cells are left out. Points are those of the source, bit for bit. (A store of an older version gives them to within 2^-25 of
 //! its frame, which is half the longest side of the mesh's box, rounded up to a power of two.)
 
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, FieldInfo, FieldSelector, SeriesSource, TimeAxis};
 use crate::mesh::{Cells, Mesh, RawMesh, Solids};
 use crate::store::{FieldReader, Store, StoredField};
+use std::collections::HashSet;
 use std::sync::{Mutex, PoisonError};
 
 /// Fields of a store as a [`SeriesSource`].
@@ -34,11 +35,13 @@ impl<'a> StoredSeries<'a> {
     /// If the mesh cannot be read, or a field does not exist.
     pub fn new(store: &'a Store, selectors: &[FieldSelector]) -> FileResult<Self> {
         let Mesh { topology, positions, vertex_source, cell_source, cell_turned, split_cells, .. } = store.mesh()?;
-        let vertices = order_of(&vertex_source);
+        let added: HashSet<u32> = split_cells.steiner.iter().map(|&[_, vertex]| vertex).collect();
+        let mut vertices = order_of(&vertex_source);
+        vertices.retain(|vertex| !added.contains(vertex));
         let as_read = store.source_points()?;
         let point = |v: u32| as_read.as_ref().map_or_else(|| positions.world(v as usize), |points| points[v as usize]);
         let points = vertices.iter().map(|&v| point(v)).collect();
-        let mut ranks = vec![0; vertices.len()];
+        let mut ranks = vec![0; vertex_source.len()];
         for (rank, &vertex) in (0_u32..).zip(&vertices) {
             ranks[vertex as usize] = rank;
         }

@@ -1,4 +1,5 @@
-//! Reordering from the file's numbering to the store's: values of vertices and of cells in curve order.
+//! Reordering from the file's numbering to the store's: values of vertices and of cells in curve order. A vertex that was added in the
+//! middle of a cell has the mean of the cell's corners.
 
 use super::plan::{Means, PlannedField};
 use crate::field::Association;
@@ -11,6 +12,8 @@ const CHUNK: usize = 16_384;
 /// Source of each value of the store.
 pub(super) struct ValueOrder {
     vertex_source: Vec<u32>,
+    /// The vertices that are no points of the source, with the vertices whose mean they have.
+    steiner: Vec<(u32, Vec<u32>)>,
     /// The source's cells, in the order of the store.
     cell_source: Vec<u32>,
     /// For fields that are averaged: the cells around each vertex, and the source of each cell of the mesh.
@@ -24,10 +27,11 @@ impl ValueOrder {
         let parts = SourceCells::of(&mesh.cell_source);
         let cell_source = parts.firsts().map(|cell| mesh.cell_source[cell as usize]).collect();
         let around = around.map(|around| (around, mesh.cell_source));
-        (Self { vertex_source: mesh.vertex_source, cell_source, around }, mesh.positions)
+        let steiner = mesh.split_cells.steiner_corners().collect();
+        (Self { vertex_source: mesh.vertex_source, steiner, cell_source, around }, mesh.positions)
     }
 
-    /// The source point of each vertex.
+    /// The source point of each vertex; a number beyond the points for those that were added.
     pub(super) fn vertex_source(&self) -> &[u32] {
         &self.vertex_source
     }
@@ -40,9 +44,16 @@ impl ValueOrder {
         }
     }
 
-    /// Gathers values per source point into values per mesh vertex.
+    /// Gathers values per source point into values per mesh vertex. A vertex that was added has the mean of its cell's corners, each once,
+    /// summed in f64: NaN if one of them is NaN or infinite.
     pub(super) fn gather_points(&self, values: &[f32], out: &mut [f32]) {
         gather(&self.vertex_source, values, out);
+        let mean = |(_, corners): &(u32, Vec<u32>)| {
+            let sum: f64 = corners.iter().map(|&corner| f64::from(out[corner as usize])).sum();
+            if sum.is_finite() { (sum / corners.len() as f64) as f32 } else { f32::NAN }
+        };
+        let means: Vec<f32> = self.steiner.par_iter().map(mean).collect();
+        self.steiner.iter().zip(means).for_each(|((vertex, _), mean)| out[*vertex as usize] = mean);
     }
 
     /// Gathers values per source cell in the order of the store.
@@ -65,9 +76,11 @@ impl ValueOrder {
     }
 }
 
+/// NaN where a source is beyond the values.
 fn gather(sources: &[u32], values: &[f32], out: &mut [f32]) {
     let pairs = out.par_chunks_mut(CHUNK).zip(sources.par_chunks(CHUNK));
-    pairs.for_each(|(out, source)| out.iter_mut().zip(source).for_each(|(out, &s)| *out = values[s as usize]));
+    let value = |source: u32| values.get(source as usize).copied().unwrap_or(f32::NAN);
+    pairs.for_each(|(out, sources)| out.iter_mut().zip(sources).for_each(|(out, &source)| *out = value(source)));
 }
 
 #[cfg(test)]

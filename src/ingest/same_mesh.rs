@@ -2,9 +2,10 @@
 
 use crate::error::{FileError, FileResult};
 use crate::field::SeriesSource;
-use crate::mesh::{Mesh, RawMesh, split};
+use crate::mesh::{Mesh, RawMesh, split, split_from_corners};
 use crate::store::Store;
 use glam::DVec3;
+use std::collections::HashSet;
 
 /// Fails unless `raw`, the mesh of `source`, has the points, bit for bit, and the cells in order that the store's mesh was built from.
 /// Cells dropped by the import must be dropped again.
@@ -25,7 +26,10 @@ pub(super) fn check(source: &dyn SeriesSource, raw: RawMesh, store: &Store, mesh
     }
     let kept = store.source_points()?;
     let expected = |vertex: usize| kept.as_ref().map_or_else(|| mesh.positions.world(vertex), |points| points[vertex]);
-    for (vertex, &index) in mesh.vertex_source.iter().enumerate() {
+    // Vertices that were added follow from the others.
+    let added: HashSet<u32> = mesh.split_cells.steiner.iter().map(|&[_, vertex]| vertex).collect();
+    let of_source = (0u32..).zip(&mesh.vertex_source).filter(|(vertex, _)| !added.contains(vertex));
+    for (vertex, &index) in of_source.map(|(vertex, index)| (vertex as usize, index)) {
         let (found, expected) = (raw.points.get(index as usize), expected(vertex));
         if found != Some(&expected) {
             let at = |p: &DVec3| format!("{:?}", p.to_array());
@@ -33,7 +37,8 @@ pub(super) fn check(source: &dyn SeriesSource, raw: RawMesh, store: &Store, mesh
             return Err(differs(format!("point {index} is {found} instead of at {}", at(&expected))));
         }
     }
-    let split = split(raw.cells, &raw.points);
+    // Older versions added no vertices.
+    let split = if added.is_empty() { split_from_corners } else { split }(raw.cells, &raw.points);
     for (tet, &index) in mesh.topology.tets.iter().zip(&mesh.cell_source) {
         let [a, b, c, d] = tet.map(|v| mesh.vertex_source[v as usize]);
         let found = split.of_cell(index);

@@ -1,7 +1,7 @@
 //! Builds a mesh from a file's points and cells.
 //!
 //! ```text
-//! split      cells of other shapes into tetrahedra (`split.rs`), which are the cells of the rest
+//! split      cells of other shapes into tetrahedra (`split.rs`), which are the cells of the rest; points that this adds follow the others
 //! check      indices in range; points that cells use are finite
 //! place      box of those points -> f64 origin, power-of-two scale; positions rounded to f32     (points are freed)
 //! orient     exact sign of each cell's volume after rounding: swap two vertices, or drop
@@ -64,16 +64,18 @@ impl Mesh {
     }
 
     /// [`Self::build`] of split cells.
-    pub(crate) fn build_split(points: Vec<DVec3>, mut split: Split) -> Result<(Mesh, RepairReport), MeshError> {
-        let cells_in = split.cell_count() as u64;
+    pub(crate) fn build_split(mut points: Vec<DVec3>, mut split: Split) -> Result<(Mesh, RepairReport), MeshError> {
+        let (cells_in, vertices_in) = (split.cell_count() as u64, points.len() as u64);
         let mut tets = std::mem::take(&mut split.tets);
+        points.append(&mut split.steiner.points);
         repair::check_counts(tets.len(), points.len())?;
         repair::check_indices(&tets, points.len())?;
         if tets.is_empty() {
             return Err(MeshError::NoCells);
         }
-        let vertices_in = points.len() as u64;
-        let mut report = RepairReport { cells_in, vertices_in, ..Default::default() };
+        let points_in = points.len();
+        let steiner_cells = split.steiner.of_solids.len() as u64;
+        let mut report = RepairReport { cells_in, vertices_in, steiner_cells, ..Default::default() };
 
         let raw_positions = repair::local_positions(&points, &tets)?;
         drop(points);
@@ -101,7 +103,8 @@ impl Mesh {
 
         let vertex_order = order_vertices(&tets, &orientations, &raw_positions.local);
         report.vertices_out = vertex_order.len() as u64;
-        report.unreferenced_vertices = report.vertices_in - report.vertices_out;
+        // Those that were added are all in use.
+        report.unreferenced_vertices = points_in as u64 - report.vertices_out;
         report.coincident_points = repair::count_coincident(&vertex_order, &raw_positions.local);
 
         let mut cell_order = order_cells(&tets, &orientations, &raw_positions.local);
@@ -120,7 +123,7 @@ impl Mesh {
         drop(raw_positions);
         let vertex_source = sources(vertex_order);
 
-        let split_cells = split.split_cells(&cell_source, &vertex_source, report.vertices_in as usize);
+        let split_cells = split.split_cells(&cell_source, &vertex_source, points_in);
         // At most the number of points, which was checked above.
         let vertex_count = vertex_source.len() as u32;
         let (topology, non_manifold_faces) = faces::connect(vertex_count, tets);

@@ -97,6 +97,11 @@ impl Mesh {
         check_length("vertex_source", self.vertex_source.len(), vertices)?;
         check_length("cell_source", self.cell_source.len(), cells)?;
         check_length("split_cells.source", self.split_cells.source.len(), self.split_cells.solids.len())?;
+        let is_missing =
+            |[cell, vertex]: &[u32; 2]| *cell as usize >= self.split_cells.source.len() || *vertex as usize >= vertices;
+        if let Some(entry) = self.split_cells.steiner.iter().position(is_missing) {
+            return Err(MeshError::bad_entry("split_cells.steiner", entry, "names a cell or vertex that is missing"));
+        }
         self.topology.check()?;
         check_orientation(&self.topology.tets, &self.positions)?;
         match super::repair::used_vertices(self.topology.tets.iter(), vertices).iter().position(|used| !used) {

@@ -21,6 +21,9 @@ mod repair;
 mod report;
 mod source_cells;
 mod split;
+mod steiner;
+#[cfg(test)]
+mod steiner_tests;
 #[cfg(test)]
 pub(crate) mod test_meshes;
 #[cfg(test)]
@@ -36,7 +39,9 @@ pub use plane::Plane;
 pub use positions::Positions;
 pub use report::{RepairReport, WorstCell};
 pub use source_cells::SourceCells;
+pub(crate) use split::split_from_corners;
 pub use split::{Cells, POLYHEDRON_VTK_TYPE, Solid, SolidShape, Solids, Split, SplitCells, gather, split};
+pub use steiner::SteinerPoints;
 pub use topology::{CellNeighbour, FACE_VERTICES, NONE, Topology};
 
 use glam::DVec3;
@@ -58,7 +63,7 @@ pub struct Mesh {
     pub topology: Topology,
     /// Coordinates.
     pub positions: Positions,
-    /// Index of each vertex in the [`RawMesh`].
+    /// Index of each vertex in the [`RawMesh`]. Vertices that were added ([`SplitCells::steiner`]) are numbered on from its points.
     pub vertex_source: Vec<u32>,
     /// Index in the [`RawMesh`] of each cell, or of the cell that it is a part of.
     pub cell_source: Vec<u32>,

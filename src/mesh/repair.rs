@@ -44,6 +44,16 @@ pub(super) fn check_indices(tets: &[[u32; 4]], vertex_count: usize) -> Result<()
 /// # Errors
 /// If such a point is not finite, or their extent cannot be scaled.
 pub(super) fn local_positions(points: &[DVec3], tets: &[[u32; 4]]) -> Result<Positions, MeshError> {
+    let (used, _, frame) = frame(points, tets)?;
+    let local = points.par_iter().zip(&used).map(|(&p, &used)| if used { frame.local(p) } else { Vec3::ZERO });
+    Ok(Positions { origin: frame.origin, scale: frame.scale, local: local.collect() })
+}
+
+/// Which points are used by a cell of four different points; the corners of their box; and the frame around that.
+///
+/// # Errors
+/// As [`local_positions`].
+pub(super) fn frame(points: &[DVec3], tets: &[[u32; 4]]) -> Result<(Vec<bool>, [DVec3; 2], LocalFrame), MeshError> {
     let used = used_vertices(tets.iter().filter(|tet| has_four_vertices(tet)), points.len());
     let used_points =
         || points.iter().zip(&used).enumerate().filter(|(_, (_, used))| **used).map(|(i, (p, _))| (i, *p));
@@ -53,8 +63,7 @@ pub(super) fn local_positions(points: &[DVec3], tets: &[[u32; 4]]) -> Result<Pos
     let bounds = used_points().map(|(_, p)| (p, p)).reduce(|(lo, hi), (p, _)| (lo.min(p), hi.max(p)));
     let (lo, hi) = bounds.unwrap_or_default();
     let frame = LocalFrame::around(lo, hi)?;
-    let local = points.par_iter().zip(&used).map(|(&p, &used)| if used { frame.local(p) } else { Vec3::ZERO });
-    Ok(Positions { origin: frame.origin, scale: frame.scale, local: local.collect() })
+    Ok((used, [lo, hi], frame))
 }
 
 /// Whether each vertex is used by one of these cells. Indices must be in range.

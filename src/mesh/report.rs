@@ -14,6 +14,10 @@ pub struct RepairReport {
     /// Cells of the source that were split into several tetrahedra, which are cells of the mesh.
     #[serde(skip_serializing_if = "is_zero")]
     pub split_cells: u64,
+    /// Split cells that are cut from a point added in their middle, as their corners alone gave tetrahedra that overlap or leave inner faces
+    /// open.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub steiner_cells: u64,
     /// Split cells some tetrahedra of which overlap others, as their faces are warped.
     #[serde(skip_serializing_if = "is_zero")]
     pub warped_cells: u64,
@@ -30,7 +34,7 @@ pub struct RepairReport {
     pub duplicate_cells: u64,
     /// Points in the source.
     pub vertices_in: u64,
-    /// Vertices in the mesh.
+    /// Vertices in the mesh, with those that were added in the middle of cells.
     pub vertices_out: u64,
     /// Points dropped because no cell that was kept uses them.
     pub unreferenced_vertices: u64,
@@ -88,6 +92,7 @@ impl RepairReport {
     /// The count and the explanation of each kind of repair or defect.
     fn findings(&self) -> impl Iterator<Item = (u64, &'static str)> {
         [
+            (self.steiner_cells, "warped cells cut from a point added in their middle"),
             (self.warped_cells, "cells so warped that tetrahedra of theirs overlap kept"),
             (
                 self.gapped_cells,

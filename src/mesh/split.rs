@@ -8,10 +8,12 @@
 //! with a corner named twice are cut as what is left of them. Polyhedra with any faces are cut in the same way; their hanging nodes count
 //! as lower than all other corners (`hanging.rs`).
 //!
-//! Faces that are not plane are two triangles. A cell that they warp so far that a corner does not see all of its faces has tetrahedra
-//! that overlap: [`Mesh::build`](super::Mesh::build) counts it.
+//! Faces that are not plane are two triangles. A cell that they warp so far that its corner of least number does not see all of its faces
+//! is cut from a point in its middle instead, where one sees them all (`steiner.rs`). Where none was found its tetrahedra overlap:
+//! [`Mesh::build`](super::Mesh::build) counts it.
 
 use super::polyhedron::Polyhedron;
+use super::steiner::{self, SteinerPoints};
 use super::{NONE, hanging};
 use glam::DVec3;
 use std::collections::HashSet;
@@ -261,6 +263,16 @@ pub struct SplitCells {
     pub source: Vec<u32>,
     /// Their shapes, and their vertices in the mesh.
     pub solids: Solids,
+    /// Those that are cut from a point in their middle, by their place in this list, ascending, and that vertex of the mesh. It is no point
+    /// of the source: its number there is the count of the source's points, or more.
+    pub steiner: Vec<[u32; 2]>,
+}
+
+impl SplitCells {
+    /// The vertices of the mesh that are no points of the source, each with the distinct corners of its cell, in ascending order.
+    pub fn steiner_corners(&self) -> impl Iterator<Item = (u32, Vec<u32>)> {
+        steiner::corners(&self.solids, &self.steiner)
+    }
 }
 
 /// Tetrahedra that fill the cells of a file, cell by cell.
@@ -272,6 +284,8 @@ pub struct Split {
     pub cell_of_tet: Option<Vec<u32>>,
     /// The cells that were split: the last ones, each with one tetrahedron at least.
     pub solids: Solids,
+    /// The points that were added in the middle of cells.
+    pub steiner: SteinerPoints,
 }
 
 impl Split {
@@ -282,6 +296,11 @@ impl Split {
             Some(cells) => cells.partition_point(|&c| c < cell)..cells.partition_point(|&c| c <= cell),
         };
         self.tets.get(range).unwrap_or_default()
+    }
+
+    /// The points that were added, by their numbers, each with the distinct corners of its cell, in ascending order.
+    pub fn steiner_corners(&self) -> impl Iterator<Item = (u32, Vec<u32>)> {
+        steiner::corners(&self.solids, &self.steiner.of_solids)
     }
 
     /// Number of cells: each has a tetrahedron.
@@ -300,7 +319,8 @@ impl Split {
         ranges.filter(move |(cell, range)| *cell >= first_solid || range.len() > 1).map(|(_, range)| range)
     }
 
-    /// The split cells of a mesh whose cells are of these source cells, and whose vertices are of these points.
+    /// The split cells of a mesh whose cells are of these source cells, and whose vertices are of these points; `points` counts them with
+    /// those that were added.
     pub(super) fn split_cells(&self, cell_source: &[u32], vertex_source: &[u32], points: usize) -> SplitCells {
         let mut kept = SplitCells::default();
         if self.solids.is_empty() {
@@ -316,8 +336,12 @@ impl Split {
         let first = cells - self.solids.len();
         // A point that no tetrahedron has need not exist.
         let vertex = |point: u32| vertex_of_point.get(point as usize).copied().unwrap_or(NONE);
-        for (cell, solid) in (first..).zip(self.solids.iter()).filter(|(cell, _)| is_kept[*cell]) {
-            if solid.vertices().iter().all(|&point| vertex(point) != NONE) {
+        let mut steiner = self.steiner.of_solids.iter().peekable();
+        for (number, solid) in (0u32..).zip(self.solids.iter()) {
+            let middle = steiner.next_if(|[of, _]| *of == number).map(|&[_, point]| vertex(point));
+            let cell = first + number as usize;
+            if is_kept[cell] && solid.vertices().iter().all(|&point| vertex(point) != NONE) {
+                kept.steiner.extend(middle.map(|middle| [kept.source.len() as u32, middle]));
                 kept.source.push(cell as u32);
                 kept.solids.push_renumbered(solid, vertex);
             }
@@ -333,30 +357,48 @@ impl Split {
     }
 }
 
-/// Splits cells into tetrahedra; a tetrahedron stays as it is. `points` are those of the cells.
+/// Splits cells into tetrahedra; a tetrahedron stays as it is. `points` are those of the cells; the points that are added
+/// ([`Split::steiner`]) are numbered on from them.
 pub fn split(cells: Cells, points: &[DVec3]) -> Split {
+    let order = face_order(&cells.solids, points);
+    steiner::cut_again(split_by(cells, &order), points, &order)
+}
+
+/// [`split`] without added points, as older versions did it: some cells may have tetrahedra that overlap.
+pub(crate) fn split_from_corners(cells: Cells, points: &[DVec3]) -> Split {
+    let order = face_order(&cells.solids, points);
+    split_by(cells, &order)
+}
+
+/// The order of points in which faces and cells are cut from them.
+fn face_order(solids: &Solids, points: &[DVec3]) -> impl Fn(u32) -> (u8, u32) + Sync + use<> {
+    let ranks = hanging::ranks(solids, points);
+    move |vertex| (ranks.get(vertex as usize).copied().unwrap_or_default(), vertex)
+}
+
+fn split_by(cells: Cells, order: impl Fn(u32) -> (u8, u32)) -> Split {
     let Cells { mut tets, solids } = cells;
+    let steiner = SteinerPoints::default();
     if solids.is_empty() {
-        return Split { tets, cell_of_tet: None, solids };
+        return Split { tets, cell_of_tet: None, solids, steiner };
     }
-    let ranks = hanging::ranks(&solids, points);
-    let order = |vertex: u32| (ranks.get(vertex as usize).copied().unwrap_or_default(), vertex);
     let mut cell_of_tet: Vec<u32> = (0..tets.len() as u32).collect();
     let first = cell_of_tet.len() as u32;
     for (cell, solid) in (first..).zip(solids.iter()) {
-        pull(solid, order, &mut tets);
+        if let Some(&apex) = solid.vertices().iter().min_by_key(|&&vertex| order(vertex)) {
+            pull(solid, apex, &order, &mut tets);
+        }
         if tets.len() == cell_of_tet.len() {
             // A cell without a volume, which is counted as such.
             tets.push([solid.vertices().first().copied().unwrap_or_default(); 4]);
         }
         cell_of_tet.resize(tets.len(), cell);
     }
-    Split { tets, cell_of_tet: Some(cell_of_tet), solids }
+    Split { tets, cell_of_tet: Some(cell_of_tet), solids, steiner }
 }
 
-/// Adds the tetrahedra of a cell, those without a vertex named twice.
-fn pull(solid: Solid<'_>, order: impl Fn(u32) -> (u8, u32), tets: &mut Vec<[u32; 4]>) {
-    let Some(&apex) = solid.vertices().iter().min_by_key(|&&vertex| order(vertex)) else { return };
+/// Adds the tetrahedra between the apex and the faces of a cell that do not have it, those without a vertex named twice.
+pub(super) fn pull(solid: Solid<'_>, apex: u32, order: impl Fn(u32) -> (u8, u32), tets: &mut Vec<[u32; 4]>) {
     match solid {
         Solid::Shape(shape, corners) => {
             for face in shape.faces() {
@@ -413,7 +455,7 @@ mod tests {
     /// Three cells of two, one and three tetrahedra.
     fn synthetic() -> Split {
         let tets = (0..6).map(|i| [i, i + 1, i + 2, i + 3]).collect();
-        Split { tets, cell_of_tet: Some(vec![0, 0, 1, 2, 2, 2]), solids: Solids::default() }
+        Split { tets, cell_of_tet: Some(vec![0, 0, 1, 2, 2, 2]), ..split(Cells::default(), &[]) }
     }
 
     #[test]
@@ -422,7 +464,8 @@ mod tests {
         let cells = Cells::from(tets.clone());
         assert_eq!((cells.len(), cells.is_empty(), Cells::default().is_empty()), (2, false, true));
         let split = split(cells, &[]);
-        assert_eq!(split, Split { tets: tets.clone(), cell_of_tet: None, solids: Solids::default() });
+        let (solids, steiner) = Default::default();
+        assert_eq!(split, Split { tets: tets.clone(), cell_of_tet: None, solids, steiner });
         assert_eq!((split.of_cell(1), split.of_cell(2)), (&tets[1..], &[][..]));
     }
 

@@ -2,7 +2,7 @@
 //!
 //! | group | arrays |
 //! |---|---|
-//! | `mesh/0` | `points` (local f32, with origin and scale), `tets`, `vertex_permutation`, `cell_permutation`; `cell_turned` where there are such; `source_points` where `points` does not give them back; `split_cells/types`, `vertices`, `faces`, `sources` where the source has cells that are no tetrahedra; derived: `faces`, `face_cells`, `neighbours` |
+//! | `mesh/0` | `points` (local f32, with origin and scale), `tets`, `vertex_permutation`, `cell_permutation`; `cell_turned` where there are such; `source_points` where `points` does not give them back; `split_cells/types`, `vertices`, `faces`, `sources` where the source has cells that are no tetrahedra, `split_cells/steiner` where some are cut from a vertex in their middle (in `vertex_permutation` such vertices are numbered on from the points of the source); derived: `faces`, `face_cells`, `neighbours` |
 //! | `time` | `values` (f64), `mesh_index` |
 //! | `fields/FOLDER` | what the codec writes (`raw`: steps x vertices; group `vq`: see [`crate::codec::vq`]), `range_per_step` (NaN where a step has no finite value), `checksum_per_step` (CRC-32C of a step's values as f32, before the codec; not from older versions), `moments` (mean, variance, number of finite samples); with `vq` from 64 steps on `errors_per_step`, `errors_per_vertex` (of complete blocks, to go on from); derived, in the group `histograms`: `scalar`, `scalar_gradient`, `cov`, `scalar_cov` ([`crate::histograms`]; attribute `steps`) |
 //! | `cell_fields/FOLDER` | the same for fields of cells, absent if there are none; a value for each cell of the source, in the order in which the mesh has their first parts (`cell_permutation`) |
@@ -133,7 +133,7 @@ impl Store {
     }
 
     /// The source's coordinates of each vertex, where those of the mesh do not give them back bit for bit; `None` where they do, or if an
-    /// older version wrote the store.
+    /// older version wrote the store. A vertex that was added has those of the mesh.
     ///
     /// # Errors
     /// If the array is damaged, or another series has taken the store's place.

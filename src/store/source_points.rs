@@ -14,7 +14,7 @@ use glam::{DVec3, Vec3};
 use serde_json::Map;
 use std::path::Path;
 
-/// Name of the array: f32 if that is exact, else f64; one row per vertex of the store.
+/// Name of the array: f32 if that is exact for the source's points, else f64; one row per vertex of the store.
 const NAME: &str = "source_points";
 
 /// Points of a source before they were rounded, in source order.
@@ -37,32 +37,39 @@ impl SourcePoints {
         })
     }
 
-    fn get(&self, index: u32) -> DVec3 {
+    /// `None` beyond the points of the source: vertices that were added are numbered on from them.
+    fn get(&self, index: u32) -> Option<DVec3> {
         match &self.0 {
-            Points::Single(points) => Vec3::from_array(points[index as usize]).as_dvec3(),
-            Points::Double(points) => DVec3::from_array(points[index as usize]),
+            Points::Single(points) => points.get(index as usize).map(|&p| Vec3::from_array(p).as_dvec3()),
+            Points::Double(points) => points.get(index as usize).map(|&p| DVec3::from_array(p)),
         }
     }
 
-    /// Writes the points of the vertices, unless the positions give them back bit for bit.
-    ///
-    /// # Panics
-    /// If `vertex_source` names a missing point.
+    /// Writes the points of the vertices, unless the positions give them back bit for bit. Vertices that were added have their positions.
     pub(super) fn write(&self, root: &Path, positions: &Positions, vertex_source: &[u32]) -> FileResult<()> {
-        if vertex_source.iter().enumerate().all(|(vertex, &source)| positions.world(vertex) == self.get(source)) {
+        let is_given = |(vertex, &source)| self.get(source).is_none_or(|point| positions.world(vertex) == point);
+        if vertex_source.iter().enumerate().all(is_given) {
             return Ok(());
         }
+        let world = |vertex: usize| positions.world(vertex);
         let mut to = ArrayWriter::new(root, MESH);
         let axes = ["vertex", "axis"];
         match &self.0 {
-            Points::Single(points) => to.write(NAME, &gather(points, vertex_source), axes, Map::new()),
-            Points::Double(points) => to.write(NAME, &gather(points, vertex_source), axes, Map::new()),
+            Points::Single(points) => {
+                let points = gather(points, vertex_source, |vertex| world(vertex).as_vec3().to_array());
+                to.write(NAME, &points, axes, Map::new())
+            }
+            Points::Double(points) => {
+                to.write(NAME, &gather(points, vertex_source, |vertex| world(vertex).to_array()), axes, Map::new())
+            }
         }
     }
 }
 
-fn gather<T: Copy>(points: &[T], vertex_source: &[u32]) -> Vec<T> {
-    vertex_source.iter().map(|&source| points[source as usize]).collect()
+fn gather<T: Copy>(points: &[T], vertex_source: &[u32], added: impl Fn(usize) -> T) -> Vec<T> {
+    let point =
+        |(vertex, &source): (usize, &u32)| points.get(source as usize).copied().unwrap_or_else(|| added(vertex));
+    vertex_source.iter().enumerate().map(point).collect()
 }
 
 /// The source's point of each vertex; `None` if the positions give them back, or the store is older.

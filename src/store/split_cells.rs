@@ -18,6 +18,8 @@ const VERTICES: &str = "vertices";
 const SOURCES: &str = "sources";
 /// The faces of polyhedra, absent if there are none: for each their number, then for each face the number of its corners, and these.
 const FACES: &str = "faces";
+/// For each cell that is cut from a point in its middle its place among these cells, and that vertex of the mesh; absent if there are none.
+const STEINER: &str = "steiner";
 
 /// Writes the split cells of a mesh; returns the bytes of their chunks.
 pub(super) fn write(root: &Path, cells: &SplitCells) -> FileResult<u64> {
@@ -41,6 +43,9 @@ pub(super) fn write(root: &Path, cells: &SplitCells) -> FileResult<u64> {
         to.write(FACES, column(&faces), ["word", ""], Map::new())?;
     }
     to.write(SOURCES, column(&cells.source), ["cell", ""], Map::new())?;
+    if !cells.steiner.is_empty() {
+        to.write(STEINER, &cells.steiner, ["cell", "place_vertex"], Map::new())?;
+    }
     Ok(to.sink.bytes)
 }
 
@@ -91,6 +96,15 @@ pub(super) fn read(root: &Path, source: &dyn ReadRange, vertices: u64) -> FileRe
     for (name, more) in [(VERTICES, rest), (FACES, faces)] {
         if !more.is_empty() {
             return Err(invalid(name, format!("has {} numbers more than its cells", more.len())));
+        }
+    }
+    if root.join(MESH).join(GROUP).join(STEINER).exists() {
+        let name = format!("{MESH}/{GROUP}/{STEINER}");
+        cells.steiner = StoredArray::open(root, &name, ElementType::U32, Chunking::Whole, 2)?.read::<u32, 2>(source)?;
+        let is_sound = |[place, vertex]: &[u32; 2]| (*place as usize) < types.len() && is_vertex(vertex);
+        if !cells.steiner.iter().all(is_sound) || !cells.steiner.is_sorted_by(|[a, _], [b, _]| a < b) {
+            let problem = "does not have cells in order, with vertices of the mesh".to_owned();
+            return Err(invalid(STEINER, problem));
         }
     }
     Ok(cells)

@@ -88,13 +88,10 @@ impl StoreWriter {
     }
 
     /// Writes the points that a mesh was built from, if its vertices at `positions` do not give them back bit for bit; `vertex_source` has the
-    /// point of each vertex.
+    /// point of each vertex. Vertices that are numbered beyond the points, as added ones are, have their positions.
     ///
     /// # Errors
     /// If a file cannot be written.
-    ///
-    /// # Panics
-    /// If a vertex names a point that is missing.
     pub fn write_source_points(
         &mut self,
         positions: &Positions,
