@@ -233,6 +233,30 @@ mod tests {
     }
 
     #[test]
+    fn a_cell_that_is_cut_from_a_point_in_its_middle_has_its_volume_and_the_gradient_of_a_linear_field() {
+        let mut mesh = mesh();
+        mesh.cells = Cells::default();
+        mesh.cells.solids.push(SolidShape::Hexahedron, 0..8);
+        let far = mesh.points[0];
+        let cube = |i: u32| DVec3::new(f64::from((i ^ (i >> 1)) & 1), f64::from(i >> 1 & 1), f64::from(i >> 2));
+        (0..8).for_each(|i: u32| mesh.points[i as usize] = far + cube(i));
+        mesh.points[1] = far + DVec3::new(0.4375, 0.5, 0.5);
+        let row = [1.0, 2.0, -3.0];
+        let values = mesh.points.iter().map(|p| row[0] * p.x + row[1] * p.y + row[2] * p.z).collect();
+        let geometry = Geometry::of(mesh);
+        assert_eq!((geometry.steiner.len(), geometry.len(Association::Point)), (1, 12));
+        // By hand; from the corners alone overlaps made it 11/16.
+        assert!((geometry.volumes[0] - 31.0 / 48.0).abs() < 1e-12, "{}", geometry.volumes[0]);
+        let gradient = geometry.gradient(&Values::of(1, values), Association::Point);
+        assert_eq!(gradient.data.len(), 3 * 12);
+        for point in 0..8 {
+            let near = |(found, expected): (&f64, f64)| (found - expected).abs() < 1e4 * 64.0 * f64::EPSILON;
+            assert!(gradient.tuple(point).iter().zip(row).all(near), "{point}: {:?}", gradient.tuple(point));
+        }
+        assert_eq!(geometry.positions(Association::Point).data.len(), 3 * 12);
+    }
+
+    #[test]
     fn gradients_of_cells_are_those_of_the_means_at_their_points() {
         let geometry = Geometry::of(mesh());
         let constant = Values::of(1, vec![2.5; 3]);

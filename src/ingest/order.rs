@@ -117,4 +117,32 @@ mod tests {
         order.gather_cells(&[1.0, 4.0], &mut out);
         assert!(out == [1.0, 4.0] || out == [4.0, 1.0]);
     }
+
+    #[test]
+    fn an_added_vertex_has_the_mean_of_its_corners_and_nan_if_one_is_not_finite() {
+        let corner = |i: u32| DVec3::new(f64::from((i ^ (i >> 1)) & 1), f64::from(i >> 1 & 1), f64::from(i >> 2));
+        let mut raw = RawMesh { points: (0..8).map(corner).collect(), ..RawMesh::default() };
+        raw.points[1] = DVec3::new(0.4375, 0.5, 0.5);
+        raw.cells.solids.push(SolidShape::Hexahedron, 0..8);
+        let (order, _) = ValueOrder::new(Mesh::build(raw).unwrap().0, &[]);
+        let gathered = |values: [f32; 8]| {
+            let mut out = [0.0; 9];
+            order.gather_points(&values, &mut out);
+            let of = |source: u32| out[order.vertex_source().iter().position(|&of| of == source).unwrap()];
+            assert!((0..8).all(|i| of(i).to_bits() == values[i as usize].to_bits()));
+            of(8)
+        };
+        let values = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0];
+        assert_eq!(gathered(values), 255.0 / 8.0);
+        // In f32 the small ones would be lost.
+        assert_eq!(gathered([1e8, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, -1e8]), 0.75);
+        assert_eq!(gathered([f32::MAX; 8]), f32::MAX);
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            let mut values = values;
+            values[3] = bad;
+            assert!(gathered(values).is_nan());
+            values[4] = f32::NEG_INFINITY;
+            assert!(gathered(values).is_nan());
+        }
+    }
 }

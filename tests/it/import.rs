@@ -10,6 +10,7 @@ mod parts;
 mod raw;
 pub mod series;
 mod shapes;
+mod steiner;
 mod vtkhdf;
 mod xdmf;
 
