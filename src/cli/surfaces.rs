@@ -1,9 +1,9 @@
 //! Options for surfaces.
 
-use crate::field::{Association, Blocks};
+use crate::field::{Association, Blocks, Regions};
 use crate::look::mapped_range;
 use crate::mesh::Mesh;
-use crate::pipeline::{ColorsBeside, Regions, Series, Shown, SurfaceLook};
+use crate::pipeline::{ColorsBeside, Series, Shown, SurfaceLook};
 use crate::project::Project;
 use crate::render::domain::DomainSurface;
 use crate::render::surfaces::{
@@ -30,7 +30,7 @@ pub(super) struct SurfaceArgs {
     #[arg(long, value_name = "BOX")]
     crop: Option<CropBox>,
     /// Draw the surface of the domain, once for each: solid, wireframe or edges[:COLOR][:OPACITY], in the colours of the transfer function
-    /// where none is given
+    /// where none is given; or that of regions, whatever --regions shows: solid:FIELD=VALUE,FROM..TO[:COLOR][:OPACITY]
     #[arg(long, value_name = "SURFACE")]
     surface: Vec<DomainSurface>,
     /// Show these connected parts of the mesh alone, by their numbers: 0 has most cells
@@ -161,7 +161,14 @@ impl Beside<'_> {
 /// Checks that all surfaces are visible in a series: [`check_range`] and [`check_cuts`].
 pub(super) fn check(look: &SurfaceLook, project: Option<&Project>, series: &Series) -> anyhow::Result<()> {
     check_parts(look, series.mesh())?;
-    check_regions(look, series)?;
+    if let Some(regions) = &look.regions {
+        check_regions("--regions ", regions, series)?;
+    }
+    for surface in &look.domain {
+        if let Some(regions) = &surface.regions {
+            check_regions(&format!("--surface {}:", surface.style), regions, series)?;
+        }
+    }
     check_range(look, project, series.field())?;
     check_cuts(look, project, series.mesh())
 }
@@ -181,30 +188,28 @@ fn check_parts(look: &SurfaceLook, mesh: &Mesh) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Checks that regions are of a field of cells, and that some value of it is among those chosen.
-fn check_regions(look: &SurfaceLook, series: &Series) -> anyhow::Result<()> {
-    let Some(regions) = &look.regions else { return Ok(()) };
+/// Checks that regions are of a field of cells, and that some value of it is among those chosen; `option` is what they are behind.
+fn check_regions(option: &str, regions: &Regions, series: &Series) -> anyhow::Result<()> {
+    let named = || format!("{option}{regions}");
     let of = match series.beside(&regions.field.parse().map_err(anyhow::Error::msg)?) {
         Ok(of) => of,
         Err(error) if regions.field == Blocks::FIELD => {
-            let numbers = series.block_numbers().map_err(|_| error)?;
+            let numbers = series.block_numbers().map_err(|_| error).with_context(named)?;
             if !numbers.iter().any(|&number| regions.show(number)) {
-                bail!("--regions {regions}: no cell is of such a block");
+                bail!("{}: no cell is of such a block", named());
             }
             return Ok(());
         }
-        Err(error) => return Err(error.into()),
+        Err(error) => return Err(error).with_context(named),
     };
     if of.values_of() == Association::Point {
-        bail!(
-            "--regions {regions}: '{}' has values of vertices; regions are chosen by a field of cells",
-            regions.field
-        );
+        bail!("{}: '{}' has values of vertices; regions are chosen by a field of cells", named(), regions.field);
     }
     match of.field().range {
         Some(range) if !regions.meet(range) => {
             bail!(
-                "--regions {regions}: no cell has such a value; those of '{}' go from {} to {}",
+                "{}: no cell has such a value; those of '{}' go from {} to {}",
+                named(),
                 regions.field,
                 Short(range[0]),
                 Short(range[1])

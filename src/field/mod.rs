@@ -1,11 +1,13 @@
 //! Fields over time: the time axis, field descriptions, and the source of an uncompressed series.
 
 mod blocks;
+mod regions;
 mod scalars;
 
 use crate::error::FileResult;
 use crate::mesh::RawMesh;
 pub use blocks::{Block, Blocks};
+pub use regions::Regions;
 pub use scalars::Scalars;
 use serde::{Deserialize, Serialize};
 use std::fmt;

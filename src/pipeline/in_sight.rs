@@ -1,8 +1,9 @@
 //! The visible cells of a request.
 
+use super::region_values::RegionValues;
 use super::series::Series;
-use super::{PipelineError, Regions, TetLayer};
-use crate::field::Scalars;
+use super::{PipelineError, TetLayer};
+use crate::field::{Regions, Scalars};
 use crate::task::Cancel;
 use crate::visibility::{
     ActiveCells, Activity, CellSet, CutCells, CutPlanes, Label, PartCells, Restricted, TransparentIntervals,
@@ -20,7 +21,7 @@ pub(super) struct CellsInSight {
 
 /// The cells of some regions, kept while values and regions stay.
 #[derive(Debug, Default)]
-struct RegionCells {
+pub(super) struct RegionCells {
     /// The values, compared by pointer.
     of: Weak<Vec<f32>>,
     regions: Option<Regions>,
@@ -30,7 +31,7 @@ struct RegionCells {
 
 impl RegionCells {
     /// The cells of `activity` that belong to these regions.
-    fn restrict(&mut self, regions: &Regions, values: &Arc<Vec<f32>>, activity: Activity) -> Activity {
+    pub(super) fn restrict(&mut self, regions: &Regions, values: &Arc<Vec<f32>>, activity: Activity) -> Activity {
         if self.of.as_ptr() != Arc::as_ptr(values) || self.regions.as_ref() != Some(regions) {
             let cells = CellSet::of(values.len(), |cell| regions.show(values[cell]));
             // The same set is the same memory, by which renderers know it again.
@@ -52,15 +53,25 @@ pub(super) struct InSight<'a> {
     pub(super) known: &'a [Option<Label>],
     /// Scalar intervals where the volume is transparent.
     pub(super) transparent: &'a Arc<TransparentIntervals>,
-    /// Values of the cells by which regions are chosen, if they are.
-    pub(super) region_values: Option<&'a Arc<Vec<f32>>>,
+    /// Values of the cells by which regions are chosen.
+    pub(super) region_values: &'a RegionValues,
     pub(super) planes: &'a CutPlanes,
     /// Whether cells that clips remove are kept.
     pub(super) keep_away: bool,
 }
 
+/// The visible cells of a request.
+#[derive(Debug)]
+pub(super) struct Sight {
+    pub(super) activity: Activity,
+    /// How many cells clips remove.
+    pub(super) clipped: u64,
+    /// The cells with finite scalars in the parts that are shown, of all regions and unclipped.
+    pub(super) of_all_regions: Arc<CellSet>,
+}
+
 impl CellsInSight {
-    /// The visible cells of a series, and how many would be visible without clips. With `forget`, earlier results are not used.
+    /// The visible cells of a series. With `forget`, earlier results are not used.
     ///
     /// # Errors
     /// `Cancelled`.
@@ -70,7 +81,7 @@ impl CellsInSight {
         InSight { layer, scalars, known, transparent, region_values, planes, keep_away }: InSight<'_>,
         forget: bool,
         cancel: &Cancel,
-    ) -> Result<(Activity, u64), PipelineError> {
+    ) -> Result<Sight, PipelineError> {
         if forget {
             (self.part_cells, self.region_cells, self.cut_cells) = Default::default();
         }
@@ -79,12 +90,16 @@ impl CellsInSight {
         if !layer.parts.is_empty() {
             found = self.part_cells.restrict(&series.mesh, &layer.parts, found);
         }
-        if let (Some(regions), Some(values)) = (&layer.regions, region_values) {
+        let of_all_regions = found.finite.clone();
+        if let Some(regions) = &layer.regions
+            && let Some(values) = region_values.of(regions)
+        {
             found = self.region_cells.restrict(regions, values, found);
         }
         if planes.is_empty() {
-            return Ok((found, 0));
+            return Ok(Sight { activity: found, clipped: 0, of_all_regions });
         }
-        Ok(self.cut_cells.update(&series.mesh, planes, keep_away, found))
+        let (activity, clipped) = self.cut_cells.update(&series.mesh, planes, keep_away, found);
+        Ok(Sight { activity, clipped, of_all_regions })
     }
 }

@@ -1,7 +1,8 @@
 //! The layers of a request, as plain data.
 
-use super::{FrameRequest, Regions, TetDraw};
+use super::{FrameRequest, TetDraw};
 use crate::camera::PixelSetError;
+use crate::field::Regions;
 use crate::node_table::{NodeTable, TransferTable};
 use crate::optics::OpticsKind;
 use crate::render::domain::{self, DomainSurface};
@@ -75,7 +76,7 @@ pub struct TetLayer {
     /// Other fields of the store that colour surfaces and sections.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub beside: Vec<ColorsBeside>,
-    /// The surface of the domain, once for each way to draw it.
+    /// The surfaces of the domain and of regions, once for each way to draw one; of two at the same depth the first lies in front.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub domain: Vec<DomainSurface>,
     /// Numbers of the connected parts of the mesh that are shown ([`Topology::parts`](crate::mesh::Topology::parts)); empty: all.
@@ -135,6 +136,11 @@ impl TetLayer {
         (self.shading, self.volume) = (look.shading, look.shown != Shown::Surfaces);
     }
 
+    /// The regions that are shown, and those with surfaces.
+    pub(super) fn all_regions(&self) -> impl Iterator<Item = &Regions> {
+        self.regions.iter().chain(self.domain.iter().filter_map(|surface| surface.regions.as_ref()))
+    }
+
     /// Whether it draws nothing, whatever the field.
     pub(super) fn is_empty(&self) -> bool {
         !self.volume && self.surfaces.is_empty() && self.domain.is_empty() && self.cuts.iter().all(|cut| cut.clips)
@@ -173,7 +179,7 @@ pub struct SurfaceLook {
     pub cuts: Vec<Cut>,
     /// The box that clips both.
     pub crop: Option<CropBox>,
-    /// The surface of the domain.
+    /// The surfaces of the domain and of regions.
     pub domain: Vec<DomainSurface>,
     /// Other fields that colour surfaces and sections.
     pub beside: Vec<ColorsBeside>,

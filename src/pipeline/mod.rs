@@ -25,11 +25,12 @@ mod quantities;
 mod queue;
 mod ranges;
 mod rankings;
-mod regions;
+mod region_values;
 mod request;
 mod residual;
 mod samples;
 mod series;
+mod shells;
 mod stages;
 mod steps;
 #[cfg(test)]
@@ -48,7 +49,6 @@ pub use layer::{ColorsBeside, KeyedSurfaces, Layer, RequestError, Shown, Surface
 pub use pipelined::{Pipelined, PipelinedOptions};
 pub use queue::{FrameId, Preparations};
 pub use rankings::Sampling;
-pub use regions::Regions;
 pub use request::{FrameRequest, PipelineError};
 pub use residual::{ResidualBase, ResidualRequest};
 pub use samples::SampleSet;

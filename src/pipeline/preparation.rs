@@ -1,29 +1,28 @@
 //! The first two stages of a frame: decode its scalars, then find and sort the cells and faces to draw.
 
 use super::enlarging::Enlarge;
-use super::in_sight::{CellsInSight, InSight};
+use super::in_sight::{CellsInSight, InSight, Sight};
 use super::quantities::Gradients;
+use super::region_values::{RegionFields, RegionValues};
 use super::residual::AddDetails;
 use super::series::Series;
+use super::shells::{ShellCells, Shells};
 use super::steps::StepCache;
 use super::transparent::TransparentCache;
 use super::{
-    Backend, DrawnBy, FaceDetail, FrameRequest, FrameTime, PipelineError, Regions, RequestError, SampleSet, TetLayer,
-    Upsampling,
+    Backend, DrawnBy, FaceDetail, FrameRequest, FrameTime, PipelineError, RequestError, SampleSet, TetLayer, Upsampling,
 };
 use crate::camera::{Samples, View};
-use crate::field::{Association, Blocks, FieldSelector, Scalars};
+use crate::field::{Association, Scalars};
 use crate::lod::Selector;
-use crate::mesh::Plane;
 use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
 use crate::render::cpu::Placer;
-use crate::render::domain::{DomainFaces, DomainScene, DomainSurface};
 use crate::render::residual::lattice;
 use crate::render::surfaces::screen::{Screen, set_guides};
 use crate::render::surfaces::{FieldBeside, Normals, SurfaceScene, SurfaceShading, VertexGradients, cut_planes};
 use crate::render::upsampling::small_view;
-use crate::render::{CompressedScalars, KBuffer, LayerFragments, OpticsTables, Planes, RenderError, RenderJob};
+use crate::render::{CompressedScalars, KBuffer, OpticsTables, Planes, RenderError, RenderJob};
 use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
 use crate::task::Cancel;
@@ -47,8 +46,8 @@ pub(super) struct Decoded {
     colors: SurfaceColors,
     /// Other fields at the same time.
     beside: Vec<FieldBeside>,
-    /// Values of the cells by which regions are chosen, if they are.
-    region_values: Option<Arc<Vec<f32>>>,
+    /// Values of the cells by which regions are chosen.
+    region_values: RegionValues,
     /// Labels of chunks that were not decoded; empty if all were.
     known: Vec<Option<Label>>,
     stats: FrameStats,
@@ -62,8 +61,7 @@ pub(super) struct Decode {
     colors: Option<SurfaceColors>,
     /// Decoded steps of other fields, by name.
     beside: Vec<(String, StepCache)>,
-    /// Decoded steps of the field by which regions are chosen.
-    region_values: StepCache,
+    region_fields: RegionFields,
     blank: Option<Blank>,
 }
 
@@ -88,7 +86,7 @@ impl Decode {
         let mut stats = FrameStats::default();
         if !request.skip.unchanged {
             (self.steps, self.transparent, self.colors, self.beside, self.blank) = Default::default();
-            self.region_values = StepCache::default();
+            self.region_fields = RegionFields::default();
         }
         let layer = request.tets_of(&series.field.name)?;
         let by = layer.map_or(DrawnBy::Raycast, |layer| layer.draw.drawn_by());
@@ -110,41 +108,13 @@ impl Decode {
         let scalars = self.steps.show(series, request.time, chunks, cancel, &mut stats)?;
         let scalars = series.scalars(scalars.ok_or(PipelineError::Cancelled)?);
         let beside = self.beside(series, &layer, request.time, cancel, &mut stats)?;
-        let region_values = self.region_values(series, &layer, request.time, cancel, &mut stats)?;
+        let region_values = self.region_fields.values(series, &layer, request.time, cancel, &mut stats)?;
         let known = needed.map(|needed| needed.labels).unwrap_or_default();
         stats.chunks_skipped = known.iter().filter(|label| label.is_some()).count() as u64;
         let is_for_gpu = request.backend != Backend::Cpu && by != DrawnBy::Reference;
         let compressed = if is_for_gpu { series.compressed(request.time)? } else { None };
         stats.ms_decode = started.elapsed().as_secs_f64() * 1e3;
         Ok(Decoded { layer, by, scalars, compressed, transparent, colors, beside, region_values, known, stats })
-    }
-
-    /// The values by which a layer chooses regions, at the last step that was reached: mixtures of numbers of regions are none.
-    fn region_values(
-        &mut self,
-        series: &Series,
-        layer: &TetLayer,
-        time: FrameTime,
-        cancel: &Cancel,
-        stats: &mut FrameStats,
-    ) -> Result<Option<Arc<Vec<f32>>>, PipelineError> {
-        let Some(Regions { field, .. }) = &layer.regions else { return Ok(None) };
-        let bad = |error: String| RequestError::NoRegions(format!("'{field}' {error}"));
-        let Ok(selector) = field.parse::<FieldSelector>();
-        let of = match series.beside(&selector) {
-            Ok(of) => of,
-            // The mesh has numbers of blocks, whatever fields were imported.
-            Err(error) if field == Blocks::FIELD => {
-                return series.block_numbers().map(Some).map_err(|_| error.into());
-            }
-            Err(error) => return Err(error.into()),
-        };
-        if of.values_of() == Association::Point {
-            let problem = "has values of vertices; regions are chosen by a field of cells";
-            return Err(bad(problem.to_owned()).into());
-        }
-        let values = self.region_values.show(&of, time.step().into(), None, cancel, stats)?;
-        Ok(Some(values.ok_or(PipelineError::Cancelled)?))
     }
 
     /// The other fields of a layer at a time.
@@ -245,7 +215,7 @@ impl Blank {
             transparent: self.transparent.clone(),
             colors: SurfaceColors { table: self.table.clone(), source: None },
             beside: Vec::new(),
-            region_values: None,
+            region_values: RegionValues::default(),
             known: Vec::new(),
             stats: FrameStats::default(),
         }
@@ -326,7 +296,7 @@ pub(super) struct Order {
     gradients: Gradients,
     /// Gradients for smooth normals of surfaces.
     vertex_gradients: VertexGradients,
-    domain_faces: DomainFaces,
+    shells: Shells,
     placer: Placer,
 }
 
@@ -370,27 +340,26 @@ impl Order {
         }
         let planes = cut_planes(&decoded.layer.cuts, &series.mesh.positions).map_err(RequestError::from)?;
         let Decoded { layer, scalars, known, transparent, region_values, .. } = &decoded;
-        let region_values = region_values.as_ref();
         let forget = !request.skip.unchanged;
         // The reference skips nothing.
         let keep_away = !request.skip.outside || decoded.by == DrawnBy::Reference;
         let in_sight = InSight { layer, scalars, known, transparent, region_values, planes: &planes, keep_away };
-        let (activity, clipped) = self.in_sight.find(series, in_sight, forget, cancel)?;
+        let Sight { activity, clipped, of_all_regions } = self.in_sight.find(series, in_sight, forget, cancel)?;
         let goes_through_more = !request.skip.transparent_cells || keep_away && !planes.clips.is_empty();
         let domain = if (is_adaptive || has_edges) && goes_through_more {
             let transparent = &self.transparent.of(layer, decoded.by, Skip { transparent_cells: true, ..request.skip });
             let in_sight = InSight { transparent, keep_away: false, ..in_sight };
-            Some(self.domain_in_sight.find(series, in_sight, forget, cancel)?.0.active)
+            Some(self.domain_in_sight.find(series, in_sight, forget, cancel)?.activity.active)
         } else {
             None
         };
         let Activity { finite, active, classified } = activity;
-        let Decoded { layer, by, scalars, compressed, colors, beside, known, mut stats, .. } = decoded;
+        let Decoded { layer, by, scalars, compressed, colors, beside, region_values, known, mut stats, .. } = decoded;
         (stats.cells_classified, stats.cells_clipped) = (classified, clipped);
         waste(Slow::Skipping, if request.skip == Skip::ALL { active.universe() } else { 0 });
         if !request.skip.unchanged {
             (self.selector, self.depth, self.gradients, self.vertex_gradients) = Default::default();
-            self.domain_faces = DomainFaces::default();
+            self.shells = Shells::default();
         }
         let (faces, k_buffer) = match by.faces() {
             Some(detail) => {
@@ -410,6 +379,8 @@ impl Order {
         let (domain_colors, clips) = (colors.table.clone(), planes.clips.clone());
         let of_scene = (colors, planes, beside);
         let surfaces = self.surfaces(series, &layer, of_scene, (&scalars, &active), cancel)?;
+        let of_shells = ShellCells { domain: &finite, of_all_regions: &of_all_regions, region_values: &region_values };
+        let shells = self.shells.update(&layer, &series.mesh, of_shells);
         let mut job = RenderJob {
             compressed,
             // The renderers do not enter cells whose scalars were not decoded.
@@ -422,6 +393,7 @@ impl Order {
             formula: layer.formula.filter(|_| joint.is_none()),
             joint,
             surfaces,
+            shells,
             faces,
             k_buffer,
             clusters: Some(series.clusters().clone()),
@@ -434,7 +406,7 @@ impl Order {
         if by != DrawnBy::Reference {
             self.prepare_table(&mut job)?;
         }
-        job.fragments = self.domain(&job, &finite, (&layer.domain, &domain_colors), &clips, shading)?;
+        job.fragments = self.shells.fragments(&job, shading, &domain_colors, &clips)?;
         job.stats.ms_order = started.elapsed().as_secs_f64() * 1e3;
         let on_image = OnImage::of(request, &job, shading, by);
         if on_image.is_some() && request.samples != SampleSet::All && shading.is_of_screen() {
@@ -473,28 +445,6 @@ impl Order {
         let Some(scalars) = scalars.of_vertices().filter(|_| scene.lacks_gradients()) else { return Ok(Some(scene)) };
         let gradients = self.vertex_gradients.update(&series.mesh, scalars, active, cancel);
         Ok(Some(scene.with_gradients(gradients.ok_or(PipelineError::Cancelled)?)))
-    }
-
-    /// The surface of the domain as fragments, if it is drawn.
-    fn domain(
-        &mut self,
-        job: &RenderJob,
-        finite: &Arc<CellSet>,
-        (domain, colors): (&[DomainSurface], &NodeTable),
-        clips: &[Plane],
-        shading: SurfaceShading,
-    ) -> Result<Option<Arc<LayerFragments>>, RenderError> {
-        if domain.is_empty() {
-            return Ok(None);
-        }
-        self.domain_faces.update(&job.mesh, finite);
-        let view = job.local_view();
-        let (mesh, scalars) = (&*job.mesh, &job.scalars);
-        let scene = DomainScene { mesh, scalars, colors, shading, view: &view, clips };
-        let of_surface = |surface: &DomainSurface| self.domain_faces.fragments(surface, &scene);
-        let (width, height) = view.plane_px();
-        let fragments = LayerFragments::new(width * height, domain.iter().flat_map(of_surface))?;
-        Ok(Some(Arc::new(fragments)))
     }
 
     /// The transfer function in the renderers' form, the same [`Arc`] until it or its optics change.

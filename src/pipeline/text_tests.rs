@@ -225,6 +225,23 @@ fn what_is_not_said_is_as_by_default() {
 }
 
 #[test]
+fn surfaces_of_regions_come_back_and_those_of_the_domain_are_written_and_read_as_before() {
+    let with = |texts: &[&str]| {
+        plain().with_tets(|tets| tets.domain = texts.iter().map(|text| text.parse().unwrap()).collect())
+    };
+    let request = with(&["solid:block=1,3..5:#ff8000:0.25", "edges"]);
+    let text = request.to_text().unwrap();
+    assert!(text.contains(r#"{"style":"solid","regions":"block=1,3..5","color":["#), "{text}");
+    assert_eq!(FrameRequest::from_text(&text).unwrap(), request);
+    let said = refused(&text.replace("block=1,3..5", "block"));
+    assert!(said.contains("'block' is no choice of regions") && said.contains("line 1 column"), "{said}");
+    let of_domain = with(&["wireframe"]);
+    let text = of_domain.to_text().unwrap();
+    assert!(text.contains(r#""domain":[{"style":"wireframe","opacity":1.0}]"#), "{text}");
+    assert_eq!(FrameRequest::from_text(&text).unwrap(), of_domain);
+}
+
+#[test]
 fn what_cannot_be_asked_for_is_refused_by_name_and_place() {
     let text = plain().to_text().unwrap();
     assert_eq!(FrameRequest::from_text(&text).unwrap(), plain());

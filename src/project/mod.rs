@@ -245,7 +245,7 @@ pub enum ProjectError {
     /// An isovalue on the timeline that is not finite.
     #[error("an isovalue of {0}; isovalues are finite")]
     BadIsovalue(f64),
-    /// An invalid surface of the domain.
+    /// An invalid surface of the domain or of regions.
     #[error("surface: {0}")]
     BadDomain(String),
     /// An invalid cut.

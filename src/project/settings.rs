@@ -2,9 +2,9 @@
 
 use super::ProjectError;
 use crate::camera::Camera;
-use crate::field::FieldSelector;
+use crate::field::{FieldSelector, Regions};
 use crate::optics::OpticsKind;
-use crate::pipeline::{Backend, Regions, RenderMode};
+use crate::pipeline::{Backend, RenderMode};
 use crate::render::surfaces::{CropBox, Light, Normals};
 use crate::timeline::Keyframed;
 use crate::transfer::{ColorWeighting, OpacityKind, RangeMap};
@@ -54,7 +54,7 @@ pub struct LookSettings {
     /// The box to crop to, as `--crop` has it.
     #[serde(skip_serializing_if = "Option::is_none", with = "as_text")]
     pub crop: Option<CropBox>,
-    /// The surface of the domain, as `--surface` has it.
+    /// The surfaces of the domain and of regions, as `--surface` has them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub surface: Vec<String>,
     /// Numbers of the parts of the mesh that are shown, as `--parts` has them.

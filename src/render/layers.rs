@@ -5,7 +5,7 @@
 //!
 //! Fragments are sorted nearest first, equal depths in layer order. They are composited in front of the cells, in gaps, behind them and
 //! where there are no cells, but not in front of the near plane nor behind an opaque depth. Frames of one layer compile to code without
-//! them (`NoLayers`). The GPU leaves such jobs to the CPU. The surface of the domain is such a layer.
+//! them (`NoLayers`). The GPU leaves such jobs to the CPU. The surfaces of the domain and of regions are such a layer.
 
 use super::{RenderError, RenderJob};
 use crate::camera::View;

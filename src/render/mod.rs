@@ -74,6 +74,8 @@ pub struct RenderJob {
     pub surfaces: Option<SurfaceScene>,
     /// Fragments of the frame's other layers before, between and behind the cells; `None` if there are none.
     pub fragments: Option<Arc<LayerFragments>>,
+    /// The surfaces around cells whose fragments are among these, for [`probe`]; renderers ignore them.
+    pub shells: Vec<domain::Shell>,
     /// The source of the table, for the reference only; without it the reference integrates the table.
     pub formula: Option<Arc<TransferSource>>,
     /// How segments are integrated; the reference ignores it.
@@ -290,6 +292,7 @@ impl RenderJob {
             joint: None,
             surfaces: None,
             fragments: None,
+            shells: Vec::new(),
             formula: None,
             optics: OpticsKind::default(),
             prepared: None,
@@ -322,7 +325,10 @@ impl RenderJob {
         }
         let of_edges = self.enlarge.as_ref().map(|enlargement| &enlargement.domain);
         let sets = [Some(&self.active), self.finite.as_ref(), self.domain.as_ref(), of_edges];
-        if let Some(set) = sets.into_iter().flatten().map(|set| set.universe()).find(|&set| set != cells) {
+        let of_shells = self.shells.iter().map(|shell| &shell.cells);
+        if let Some(set) =
+            sets.into_iter().flatten().chain(of_shells).map(|set| set.universe()).find(|&set| set != cells)
+        {
             return Err(RenderError::CellCount { set, cells });
         }
         let size_px = (self.view.width_px, self.view.height_px);

@@ -5,7 +5,8 @@
 //! of equal ones. The point in that cell has half of the segment's opacity in front of it. Both depend on the picture alone: the first
 //! visible point would be faint haze in front of the object, and the point where half of the *pixel's* opacity is reached may lie in the
 //! empty space between two layers. The price: in a smooth haze without any layer the largest cell wins, wherever it is. An isosurface, a
-//! section or the domain's surface is met in one point, and contributes its opacity there; clipped parts and drawn edges are ignored.
+//! section or the surface of the domain or of a region is met in one point, and contributes its opacity there; clipped parts and drawn
+//! edges are ignored.
 //!
 //! ```text
 //! reject    cells wholly on one side of the ray in the image: a bit per vertex and side, four bits ANDed   (most cells)
@@ -17,7 +18,7 @@
 //! Clipping and pieces are the reference's own code, so that a probe finds the reference's cells; tests compare the sum of all
 //! contributions with its pixels. All in f64 and on one thread.
 
-use super::domain::{DomainStyle, DomainSurface};
+use super::domain::{DomainStyle, Shell};
 use super::medium::Segment;
 use super::reference::clip::Cell;
 use super::reference::integrate::{END_DEPTH, Transfer};
@@ -55,14 +56,15 @@ pub fn interpolate(weights: [f64; 4], scalars: [f32; 4]) -> f64 {
     first + (1..4).zip(rest).map(|(i, scalar)| weights[i] * (scalar - first)).sum::<f64>()
 }
 
-/// The visible point at an image position of a job with these surfaces of the domain drawn beside it: `at_px` is in pixels, from the left
-/// and from the top, with pixel centres at (i + .5, j + .5). `None` outside the image and where nothing is visible.
+/// The visible point at an image position of a job: `at_px` is in pixels, from the left and from the top, with pixel centres at
+/// (i + .5, j + .5). `None` outside the image and where nothing is visible. Fragments of other layers count as far as they are of the
+/// job's shells.
 ///
 /// # Errors
 /// If the parts of the job do not match.
-pub fn probe(job: &RenderJob, domain: &[DomainSurface], at_px: (f64, f64)) -> Result<Option<Probe>, RenderError> {
+pub fn probe(job: &RenderJob, at_px: (f64, f64)) -> Result<Option<Probe>, RenderError> {
     job.check()?;
-    let Some(ray) = Ray::new(job, domain, at_px) else { return Ok(None) };
+    let Some(ray) = Ray::new(job, at_px) else { return Ok(None) };
     let chain = ray.chain(job);
     let mut total = 0.0;
     let mut best: Option<Seen> = None;
@@ -75,14 +77,17 @@ pub fn probe(job: &RenderJob, domain: &[DomainSurface], at_px: (f64, f64)) -> Re
     Ok(best.map(|seen| ray.point(job, seen, (seen.contribution / total).min(1.0))))
 }
 
+/// Bound on the rounding of depths at which the ray passes from cell to cell, local units.
+const AT_FACE: f64 = 1e-6;
+
 /// The ray through an image position, in the mesh's local coordinates.
-struct Ray {
+struct Ray<'a> {
     view: View,
     px: f64,
     py: f64,
     cuts: CutsInView,
-    /// Opacity of the domain's surface; 0 if it is not drawn.
-    domain: f64,
+    /// The shells that are drawn as surfaces.
+    shells: Vec<&'a Shell>,
 }
 
 /// The part of a ray in a cell.
@@ -93,8 +98,10 @@ struct OnRay {
     segment: Segment,
     /// Depth at which the ray leaves the cell.
     exit: f64,
-    /// Depths at which the ray passes the domain's surface, into the cell and out of it.
-    on_domain: [Option<f64>; 2],
+    /// Whether the cell's volume, and surfaces in it, are drawn.
+    is_active: bool,
+    /// Depths and opacities of shells that the ray passes, into the cell and out of it.
+    on_shells: [Option<(f64, f64)>; 2],
 }
 
 /// A contribution to the opacity of a pixel: of the volume in a cell, or of a surface there.
@@ -106,32 +113,33 @@ struct Seen<'a> {
     surface_depth: Option<f64>,
 }
 
-impl Ray {
-    fn new(job: &RenderJob, domain: &[DomainSurface], (x_px, y_px): (f64, f64)) -> Option<Self> {
+impl<'a> Ray<'a> {
+    fn new(job: &'a RenderJob, (x_px, y_px): (f64, f64)) -> Option<Self> {
         let view = job.local_view();
         let is_inside = (0.0..=view.width_px as f64).contains(&x_px) && (0.0..=view.height_px as f64).contains(&y_px);
         let (px, py) = view.ray_at(x_px, y_px);
         let none = CutPlanes::default();
         let cuts = CutsInView::new(job.surfaces.as_ref().map_or(&none, |scene| scene.planes()), &view);
-        let faces = domain.iter().filter(|surface| surface.style == DomainStyle::Solid);
-        let domain = 1.0 - faces.map(|surface| 1.0 - surface.opacity).product::<f64>();
-        is_inside.then_some(Self { view, px, py, cuts, domain })
+        let shells = job.shells.iter().filter(|shell| shell.surface.style == DomainStyle::Solid).collect();
+        is_inside.then_some(Self { view, px, py, cuts, shells })
     }
 
-    /// Depths at which the ray enters a cell, and leaves it, through a face without a finite cell behind it.
-    fn on_domain(&self, job: &RenderJob, number: u32, cell: &Cell, ends: [f64; 2]) -> [Option<f64>; 2] {
+    /// Where the ray enters a cell, and leaves it, through a face at which shells with the cell end, and their opacity together. Each
+    /// shell has one cell at a face: none counts twice.
+    fn on_shells(&self, job: &RenderJob, number: u32, cell: &Cell, ends: [f64; 2]) -> [Option<(f64, f64)>; 2] {
         /// Bound on the rounded weight of the opposite corner for a point on a face, except at the eye inside the cell.
         const ON_FACE: f64 = 1e-6;
-        if self.domain == 0.0 {
+        let around: Vec<&&Shell> = self.shells.iter().filter(|shell| shell.cells.contains(number)).collect();
+        if around.is_empty() {
             return [None; 2];
         }
-        let finite = job.finite.as_ref().unwrap_or(&job.active);
         ends.map(|depth| {
             let weights = cell.weights(self.at(depth));
             let (face, weight) = (0..4).zip(weights).min_by(|a, b| a.1.total_cmp(&b.1))?;
             let behind = job.mesh.topology.neighbours[number as usize][face].cell();
-            let is_open = !behind.is_some_and(|cell| finite.contains(cell));
-            (is_open && weight < ON_FACE).then_some(depth)
+            let ending = around.iter().filter(|shell| !behind.is_some_and(|cell| shell.cells.contains(cell)));
+            let opacity = 1.0 - ending.map(|shell| 1.0 - shell.surface.opacity).product::<f64>();
+            (opacity > 0.0 && weight < ON_FACE).then_some((depth, opacity))
         })
     }
 
@@ -149,11 +157,12 @@ impl Ray {
             let tet = job.mesh.topology.tets[number as usize];
             let cell = Cell::new(job, view, number, tet.map(to_view))?;
             let segment = cell.clip(view, job.mesh.positions.scale, self.px, self.py)?;
-            let on_domain = self.on_domain(job, number, &cell, segment.part);
-            Some(OnRay { number, cell, segment, exit: segment.part[1], on_domain })
+            let on_shells = self.on_shells(job, number, &cell, segment.part);
+            let is_active = job.active.contains(number);
+            Some(OnRay { number, cell, segment, exit: segment.part[1], is_active, on_shells })
         };
-        let mut found: Vec<OnRay> =
-            self.near_cells(job).filter(|&number| job.active.contains(number)).filter_map(clipped).collect();
+        let is_met = |cell: u32| job.active.contains(cell) || self.shells.iter().any(|of| of.cells.contains(cell));
+        let mut found: Vec<OnRay> = self.near_cells(job).filter(|&number| is_met(number)).filter_map(clipped).collect();
         // Stable sort: of equal intervals the cell with the lower number comes first, as in the reference.
         found.sort_by(|a, b| {
             let (a, b) = (&a.segment, &b.segment);
@@ -175,7 +184,7 @@ impl Ray {
     }
 
     /// A superset of the cells that the ray meets: those that do not lie wholly beside, above or below it, or behind the eye.
-    fn near_cells<'a>(&self, job: &'a RenderJob) -> impl Iterator<Item = u32> + 'a {
+    fn near_cells<'j>(&self, job: &'j RenderJob) -> impl Iterator<Item = u32> + 'j {
         let view = &self.view;
         // Coordinates across the ray, which is the origin.
         let (across, up, shift) = if view.perspective {
@@ -202,7 +211,7 @@ impl Ray {
 
     /// Reports the contribution of each visible segment, and of each surface in it, to the opacity of the ray, from the front, until the
     /// ray is opaque.
-    fn absorb<'a>(&self, job: &RenderJob, chain: &'a [OnRay], mut give: impl FnMut(Seen<'a>)) {
+    fn absorb<'c>(&self, job: &RenderJob, chain: &'c [OnRay], mut give: impl FnMut(Seen<'c>)) {
         let table = Transfer::of(job);
         let mut depth_so_far = 0.0_f64;
         // Light absorbed by a further optical depth.
@@ -212,7 +221,10 @@ impl Ray {
             (taken, depth_so_far > END_DEPTH)
         };
         for on_ray in chain {
-            let optical_depth = |part: &Segment| self.absorbing(table, part).map(|piece| piece.depth).sum::<f64>();
+            let optical_depth = |part: &Segment| match on_ray.is_active {
+                true => self.absorbing(table, part).map(|piece| piece.depth).sum::<f64>(),
+                false => 0.0,
+            };
             let (mut rest, mut of_volume, mut is_over) = (on_ray.segment, 0.0, false);
             for (depth, opacity) in self.surfaces_on(job, on_ray) {
                 let (before, behind) = rest.split(depth);
@@ -236,20 +248,27 @@ impl Ray {
     }
 
     /// Depth and opacity of the surfaces and sections that a segment meets, nearest first.
-    fn surfaces_on(&self, job: &RenderJob, OnRay { segment, exit, on_domain, .. }: &OnRay) -> Vec<(f64, f64)> {
+    fn surfaces_on(
+        &self,
+        job: &RenderJob,
+        OnRay { segment, exit, is_active, on_shells, .. }: &OnRay,
+    ) -> Vec<(f64, f64)> {
         let ([near, far], [from, to]) = (segment.part, segment.part_scalar);
         let sheets = job.surfaces.as_ref().map_or(&[][..], |surfaces| surfaces.sheets());
-        let met = sheets.iter().filter(|sheet| (from >= sheet.value) != (to >= sheet.value));
+        let met = sheets.iter().filter(|_| *is_active).filter(|sheet| (from >= sheet.value) != (to >= sheet.value));
         let depth = |value: f64| near + (value - from) / (to - from) * (far - near);
         let mut met: Vec<(f64, f64)> = met.map(|sheet| (depth(sheet.value), sheet.opacity)).collect();
         let mut last = (f64::NEG_INFINITY, 0);
         let whole = Segment { part: [segment.part[0], *exit], ..*segment };
-        while let Some(next) = self.cuts.next_section(&whole, segment.part, last) {
+        while let Some(next) = self.cuts.next_section(&whole, segment.part, last).filter(|_| *is_active) {
             met.push((next.0, 1.0));
             last = next;
         }
-        let on_domain = on_domain.iter().flatten().filter(|depth| (segment.part[0]..=segment.part[1]).contains(depth));
-        met.extend(on_domain.map(|&depth| (depth, self.domain)));
+        // The cell in front may end behind the beginning of this one by a rounding: the face between them is still met.
+        let [begin, end] = segment.part;
+        let is_left = |(depth, _): &&(f64, f64)| (begin - AT_FACE..=end + AT_FACE).contains(depth);
+        let shells = on_shells.iter().flatten().filter(is_left);
+        met.extend(shells.map(|&(depth, opacity)| (depth.clamp(begin, end), opacity)));
         met.sort_by(|a, b| a.0.total_cmp(&b.0));
         met
     }

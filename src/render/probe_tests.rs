@@ -6,9 +6,11 @@ use crate::mesh::test_meshes::{Random, jittered, kuhn_grid};
 use crate::mesh::{Mesh, RawMesh};
 use crate::node_table::{Node, NodeTable};
 use crate::render::Renderer;
+use crate::render::domain::DomainSurface;
 use crate::render::reference::Reference;
 use crate::render::surfaces::{Cut, Isosurface, SurfaceScene, SurfaceShading, cut_planes};
 use crate::render::testing::job;
+use crate::visibility::CellSet;
 use std::sync::Arc;
 
 fn table(nodes: &[(f64, f64)]) -> Arc<NodeTable> {
@@ -35,7 +37,7 @@ fn rounding(job: &RenderJob) -> f64 {
 }
 
 fn sum_of_contributions(job: &RenderJob, at_px: (f64, f64)) -> f64 {
-    let ray = Ray::new(job, &[], at_px).unwrap();
+    let ray = Ray::new(job, at_px).unwrap();
     let mut sum = 0.0;
     ray.absorb(job, &ray.chain(job), |seen| sum += seen.contribution);
     sum
@@ -93,11 +95,11 @@ fn an_opaque_surface_is_met_where_it_is_and_a_faint_one_behind_haze_is_not_taken
         let scene = SurfaceScene::new(&surfaces, SurfaceShading::default(), &haze.table).unwrap();
         RenderJob { surfaces: Some(scene), ..haze.clone() }
     };
-    let found = probe(&with(5.25, 1.0), &[], MIDDLE).unwrap().unwrap();
+    let found = probe(&with(5.25, 1.0), MIDDLE).unwrap().unwrap();
     assert!((found.depth - 9.25).abs() < rounding(&haze) && (found.scalar - 5.25).abs() < 1e-5, "{found:?}");
     assert!(found.share > 0.9);
     assert!((found.position.x - 5.25).abs() < rounding(&haze));
-    let faint = probe(&with(5.25, 1e-4), &[], MIDDLE).unwrap().unwrap();
+    let faint = probe(&with(5.25, 1e-4), MIDDLE).unwrap().unwrap();
     assert!((faint.depth - 9.25).abs() > 1e-3);
 }
 
@@ -117,7 +119,7 @@ fn contributions_of_all_cells_make_the_opacity_of_the_reference() {
             let sum = sum_of_contributions(&job, at_px);
             assert!((sum - expected).abs() <= bound, "seed {seed}, pixel {i}: {sum} for {expected}");
             caught += usize::from((sum_of_contributions(&thinner, at_px) - expected).abs() > bound);
-            let probe = probe(&job, &[], at_px).unwrap();
+            let probe = probe(&job, at_px).unwrap();
             assert_eq!(probe.is_some(), sum > 0.0, "seed {seed}, pixel {i}");
             seen += usize::from(probe.is_some());
             empty += usize::from(probe.is_none());
@@ -134,7 +136,7 @@ fn a_point_lies_on_the_ray_in_its_cell_and_has_its_scalar() {
         let mut random = Random::new(1000 + seed);
         let job = random_job(&mut random);
         let at_px = (5.5 + 5.5 * random.signed(), 4.5 + 4.5 * random.signed());
-        let Some(probe) = probe(&job, &[], at_px).unwrap() else { continue };
+        let Some(probe) = probe(&job, at_px).unwrap() else { continue };
         count += 1;
         let tet = job.mesh.topology.tets[probe.cell as usize];
         assert!(job.active.contains(probe.cell));
@@ -167,8 +169,8 @@ fn in_a_layer_the_point_is_where_half_of_what_its_cell_absorbs_is() {
     // One thick cube of constant extinction: the first cell on the ray contributes most, and its half is at a known depth.
     for (tau, projection) in [(1e-9, PARALLEL), (1.0, PARALLEL), (50.0, PARALLEL), (1.0, PERSPECTIVE)] {
         let job = along_x(1, |_| 0.0, &[(0.0, tau)], projection);
-        let probe = probe(&job, &[], MIDDLE).unwrap().unwrap();
-        let ray = Ray::new(&job, &[], MIDDLE).unwrap();
+        let probe = probe(&job, MIDDLE).unwrap().unwrap();
+        let ray = Ray::new(&job, MIDDLE).unwrap();
         let chain = ray.chain(&job);
         let of_cell = chain.iter().find(|on_ray| on_ray.number == probe.cell).unwrap();
         let [near, far] = of_cell.segment.part.map(|d| d * job.mesh.positions.scale);
@@ -186,11 +188,11 @@ fn the_layer_that_dominates_is_taken_and_not_the_haze_in_front_of_it() {
     // Value = x: haze from 0 to 8, a layer at 5 to 5.5; then an equal layer behind an opaque one.
     let layer = [(0.0, 0.01), (5.0, 0.01), (5.0, 4.0), (5.5, 4.0), (5.5, 0.01), (8.0, 0.01)];
     let job_of = |nodes: &[(f64, f64)]| along_x(8, |x| x as f32, nodes, PARALLEL);
-    let found = probe(&job_of(&layer), &[], MIDDLE).unwrap().unwrap();
+    let found = probe(&job_of(&layer), MIDDLE).unwrap().unwrap();
     assert!(found.scalar > 5.0 && found.scalar < 5.5, "{found:?}");
     assert!((found.scalar - found.position.x).abs() <= rounding(&job_of(&layer)));
     let hidden = [(1.0, 0.0), (1.0, 500.0), (1.5, 500.0), (1.5, 0.0), (5.0, 0.0), (5.0, 900.0), (8.0, 900.0)];
-    let found = probe(&job_of(&hidden), &[], MIDDLE).unwrap().unwrap();
+    let found = probe(&job_of(&hidden), MIDDLE).unwrap().unwrap();
     assert!(found.scalar >= 1.0 && found.scalar < 1.02, "{found:?}");
 }
 
@@ -198,7 +200,7 @@ fn the_layer_that_dominates_is_taken_and_not_the_haze_in_front_of_it() {
 fn an_opaque_plateau_is_met_at_its_first_point() {
     for tau in [1e9, 1e300, f64::MAX] {
         let job = along_x(4, |x| x as f32, &[(2.25, 0.0), (2.25, tau), (9.0, tau)], PERSPECTIVE);
-        let found = probe(&job, &[], MIDDLE).unwrap().unwrap();
+        let found = probe(&job, MIDDLE).unwrap().unwrap();
         assert!((found.scalar - 2.25).abs() <= rounding(&job) && found.share == 1.0, "{tau}: {found:?}");
     }
 }
@@ -208,58 +210,58 @@ fn of_equal_contributions_the_nearest_counts() {
     // Values alternating between 0 and 1 make equal layers at 0.5: extinction so thin that the front absorbs nothing.
     let thin = 1e-20;
     let job = along_x(6, |x| (x as i64 % 2) as f32, &[(0.0, 0.0), (0.5, thin), (1.0, 0.0)], PARALLEL);
-    let ray = Ray::new(&job, &[], MIDDLE).unwrap();
+    let ray = Ray::new(&job, MIDDLE).unwrap();
     let chain = ray.chain(&job);
     let mut given = Vec::new();
     ray.absorb(&job, &chain, |seen| given.push((seen.on_ray.number, seen.contribution)));
     let most = given.iter().map(|&(_, c)| c).fold(0.0, f64::max);
     let first = given.iter().find(|&&(_, c)| c == most).unwrap().0;
-    assert_eq!(probe(&job, &[], MIDDLE).unwrap().unwrap().cell, first);
+    assert_eq!(probe(&job, MIDDLE).unwrap().unwrap().cell, first);
 }
 
 #[test]
 fn what_is_nearer_than_the_near_plane_is_not_seen() {
     let mut job = along_x(4, |x| x as f32, &[(0.0, 1.0)], PERSPECTIVE);
     job.view.near = 4.0 + 2.3;
-    let found = probe(&job, &[], MIDDLE).unwrap().unwrap();
+    let found = probe(&job, MIDDLE).unwrap().unwrap();
     assert!(found.depth >= job.view.near && found.position.x >= 2.3 - rounding(&job), "{found:?}");
     job.view.near = 9.0;
-    assert_eq!(probe(&job, &[], MIDDLE), Ok(None));
+    assert_eq!(probe(&job, MIDDLE), Ok(None));
 }
 
 #[test]
 fn from_inside_only_what_is_in_front_of_the_eye_is_seen() {
     let mut job = along_x(8, |x| x as f32, &[(0.0, 3.0)], PERSPECTIVE);
     job.view.eye.x = 3.4;
-    let found = probe(&job, &[], MIDDLE).unwrap().unwrap();
+    let found = probe(&job, MIDDLE).unwrap().unwrap();
     assert!(found.position.x > 3.4 && found.position.x < 4.5, "{found:?}");
     job.view.forward = -job.view.forward;
     job.view.right = -job.view.right;
-    let found = probe(&job, &[], MIDDLE).unwrap().unwrap();
+    let found = probe(&job, MIDDLE).unwrap().unwrap();
     assert!(found.position.x < 3.4 && found.position.x > 2.3, "{found:?}");
 }
 
 #[test]
 fn cells_with_a_hole_are_not_there() {
     let job = along_x(4, |x| if x == 1.0 { f32::NAN } else { x as f32 }, &[(0.0, 1e6)], PARALLEL);
-    let found = probe(&job, &[], MIDDLE).unwrap().unwrap();
+    let found = probe(&job, MIDDLE).unwrap().unwrap();
     assert!(found.position.x >= 2.0 - rounding(&job) && found.position.x < 2.1, "{found:?}");
     let none = along_x(4, |_| f32::NAN, &[(0.0, 1e6)], PARALLEL);
-    assert_eq!(probe(&none, &[], MIDDLE), Ok(None));
+    assert_eq!(probe(&none, MIDDLE), Ok(None));
 }
 
 #[test]
 fn where_nothing_is_to_be_seen_nothing_is_found() {
     let transparent = along_x(2, |x| x as f32, &[(5.0, 0.0), (6.0, 1.0)], PARALLEL);
-    assert_eq!(probe(&transparent, &[], MIDDLE), Ok(None), "no extinction");
+    assert_eq!(probe(&transparent, MIDDLE), Ok(None), "no extinction");
     let job = along_x(2, |x| x as f32, &[(0.0, 1.0)], PARALLEL);
-    assert!(probe(&job, &[], MIDDLE).unwrap().is_some());
-    assert_eq!(probe(&job, &[], (0.5, 0.5)), Ok(None), "beside the mesh");
+    assert!(probe(&job, MIDDLE).unwrap().is_some());
+    assert_eq!(probe(&job, (0.5, 0.5)), Ok(None), "beside the mesh");
     for at_px in [(-1.0, 4.5), (4.5, 9.5), (f64::NAN, 4.5), (f64::INFINITY, 0.0)] {
-        assert_eq!(probe(&job, &[], at_px), Ok(None), "beside the image");
+        assert_eq!(probe(&job, at_px), Ok(None), "beside the image");
     }
     let other = RenderJob { scalars: Arc::new(vec![0.0; 3]).into(), ..job };
-    assert!(probe(&other, &[], MIDDLE).is_err());
+    assert!(probe(&other, MIDDLE).is_err());
 }
 
 #[test]
@@ -275,7 +277,7 @@ fn a_place_in_the_world_far_from_the_origin_costs_no_digits() {
     // The precision of the far eye's coordinates.
     far.view.eye = offset + DVec3::new(-4.0, 0.4375, 0.40625);
     let near = RenderJob { view: View { eye: far.view.eye - offset, ..near.view }, ..near };
-    let [near, far] = [near, far].map(|job| probe(&job, &[], (4.75, 4.25)).unwrap().unwrap());
+    let [near, far] = [near, far].map(|job| probe(&job, (4.75, 4.25)).unwrap().unwrap());
     assert_eq!((near.cell, near.weights, near.scalar), (far.cell, far.weights, far.scalar));
     assert!((far.position - offset).distance(near.position) <= 2.0 * f64::EPSILON * 2f64.powi(40));
 }
@@ -318,30 +320,70 @@ fn half_of_the_opacity_is_found_in_ramps_of_any_strength() {
     assert!(noticed > 10, "{noticed} of 21 other ramps noticed");
 }
 
+/// The job with surfaces of this style and opacity around sets of cells.
+fn with_shells(job: &RenderJob, style: DomainStyle, shells: &[(&Arc<CellSet>, f64)]) -> RenderJob {
+    let shell = |&(cells, opacity): &(&Arc<CellSet>, f64)| Shell {
+        surface: DomainSurface { style, regions: None, color: None, opacity },
+        cells: cells.clone(),
+    };
+    RenderJob { shells: shells.iter().map(shell).collect(), ..job.clone() }
+}
+
 #[test]
 fn the_surface_of_the_domain_is_met_where_it_is_and_one_sees_through_it_as_far_as_it_lets_one() {
     let haze = [(0.0, 1e-3), (1.0, 1e-3)];
     for projection in [PARALLEL, PERSPECTIVE] {
         let job = along_x(3, |x| x as f32 / 3.0, &haze, projection);
-        let with = |style, opacity| [DomainSurface { style, color: None, opacity }];
-        let depth = |domain: &[DomainSurface]| probe(&job, domain, MIDDLE).unwrap().unwrap().depth;
+        let found =
+            |style, opacity| probe(&with_shells(&job, style, &[(&job.active, opacity)]), MIDDLE).unwrap().unwrap();
         // The eye is 4 before the first face, and the last face 3 behind that.
-        assert!((depth(&with(DomainStyle::Solid, 1.0)) - 4.0).abs() < rounding(&job));
-        let found = probe(&job, &with(DomainStyle::Solid, 0.3), MIDDLE).unwrap().unwrap();
-        assert!((found.depth - 4.0).abs() < rounding(&job), "of two that take as much, the nearer gives more");
+        assert!((found(DomainStyle::Solid, 1.0).depth - 4.0).abs() < rounding(&job));
+        let translucent = found(DomainStyle::Solid, 0.3);
+        assert!((translucent.depth - 4.0).abs() < rounding(&job), "of two that take as much, the nearer gives more");
         // Front and back take 0.3 and 0.3 of what is left; the haze between takes little.
-        assert!((found.share - 0.3 / (0.3 + 0.7 * 0.3)).abs() < 1e-2, "{}", found.share);
-        assert!(depth(&with(DomainStyle::Edges, 1.0)) > 4.01, "one looks past lines");
+        assert!((translucent.share - 0.3 / (0.3 + 0.7 * 0.3)).abs() < 1e-2, "{}", translucent.share);
+        assert!(found(DomainStyle::Edges, 1.0).depth > 4.01, "one looks past lines");
     }
+    let solid = |job: &RenderJob| {
+        let job = with_shells(job, DomainStyle::Solid, &[(&job.active, 1.0)]);
+        probe(&job, MIDDLE).unwrap().unwrap().depth
+    };
     // A missing cell has an inner face.
     let mut job = along_x(3, |x| if x > 1.5 { x as f32 } else { f32::NAN }, &haze, PARALLEL);
     job.finite = None;
-    let domain = [DomainSurface { style: DomainStyle::Solid, color: None, opacity: 1.0 }];
-    let found = probe(&job, &domain, MIDDLE).unwrap().unwrap();
-    assert!((found.depth - 6.0).abs() < rounding(&job), "{}", found.depth);
+    assert!((solid(&job) - 6.0).abs() < rounding(&job), "{}", solid(&job));
     // From inside, the ray meets the face behind all cells.
     let mut inside = along_x(3, |x| x as f32 / 3.0, &haze, PERSPECTIVE);
     inside.view.eye.x = 1.3;
-    let found = probe(&inside, &domain, MIDDLE).unwrap().unwrap();
-    assert!((found.depth - 1.7).abs() < rounding(&inside), "{}", found.depth);
+    assert!((solid(&inside) - 1.7).abs() < rounding(&inside), "{}", solid(&inside));
+}
+
+#[test]
+fn surfaces_of_regions_are_met_also_around_cells_that_are_not_drawn_and_two_at_one_face_count_both() {
+    let job = along_x(4, |x| x as f32 / 4.0, &[(0.0, 1e-6), (1.0, 1e-6)], PARALLEL);
+    let mesh = job.mesh.clone();
+    let middle = |cell: usize| mesh.positions.corners(mesh.topology.tets[cell]).iter().map(|p| p.x).sum::<f32>() / 4.0;
+    let places: Vec<f32> = (0..mesh.topology.tets.len()).map(middle).collect();
+    let (least, most) = places.iter().fold((f32::MAX, f32::MIN), |(lo, hi), &x| (lo.min(x), hi.max(x)));
+    let slab = |from: f32, to: f32| {
+        let share = |cell: usize| 4.0 * (places[cell] - least) / (most - least);
+        Arc::new(CellSet::of(places.len(), |cell| (from..to).contains(&share(cell))))
+    };
+    let (left, right) = (slab(-1.0, 2.0), slab(2.0, 5.0));
+    // The volume is that of the left half; the surface is that of the right one.
+    let of_left = RenderJob { active: left.clone(), finite: None, ..job.clone() };
+    let depth = |shells: &[(&Arc<CellSet>, f64)]| {
+        let found = probe(&with_shells(&of_left, DomainStyle::Solid, shells), MIDDLE).unwrap().unwrap();
+        (found.depth, found.share)
+    };
+    let (at, share) = depth(&[(&right, 0.5)]);
+    assert!((at - 6.0).abs() < rounding(&job) && (share - 2.0 / 3.0).abs() < 1e-3, "{at}, {share}");
+    // At the face between, 0.2 of the left one and then 0.5 of the right one, more than 0.2 at the first face.
+    let (at, share) = depth(&[(&left, 0.2), (&right, 0.5)]);
+    let [first, shared] = [0.2, 0.8 * 0.8 * 0.5];
+    let total = 1.0 - 0.8 * 0.8 * 0.5 * 0.5;
+    assert!(
+        (at - 6.0).abs() < rounding(&job) && (share - shared / total).abs() < 1e-3 && shared > first,
+        "{at}, {share}"
+    );
 }

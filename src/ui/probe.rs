@@ -132,8 +132,7 @@ fn find(pipeline: &mut Pipeline, asked: &HoverRequest, cancel: &Cancel) -> Resul
     let request = asked.request.clone().with_draw(TetDraw::Raycast);
     let request = FrameRequest { backend: Backend::Cpu, skip, ..request };
     let job = pipeline.prepare_unless(&request, cancel)?;
-    let domain = asked.request.tets().map_or(&[][..], |tets| &tets.domain);
-    Ok(probe(&job, domain, asked.at_px)?)
+    Ok(probe(&job, asked.at_px)?)
 }
 
 impl Curve {

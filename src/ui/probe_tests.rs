@@ -39,7 +39,7 @@ fn the_point_found_is_that_of_the_frame_and_says_what_was_asked() {
     for time in [2.into(), FrameTime::between(1, 2, 0.3), 0.into()] {
         let asked = at_middle(&series, time);
         let job = Pipeline::new(series.clone()).prepare(&asked.request).unwrap();
-        let expected = probe(&job, &[], asked.at_px).unwrap();
+        let expected = probe(&job, asked.at_px).unwrap();
         assert!(expected.is_some());
         prober.hover(Some(asked.clone()));
         let found = answer(&prober);

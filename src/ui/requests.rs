@@ -55,7 +55,7 @@ impl Requests {
         let request = request.with_tets(|tets| tets.draw = TetDraw::chosen(mode, FaceDetail { lod: 1.0, ..faces }));
         let request = FrameRequest { for_window: self.for_window, ..request };
         let has_rays = request.may_leave_rays_out();
-        // A request that may leave out rays may use details, but not with the surface of the domain.
+        // A request that may leave out rays may use details, but not with surfaces of the domain or of regions.
         let is_of_cells = request.tets().is_some_and(|tets| tets.domain.is_empty());
         let has_details = has_rays && is_of_cells && self.still.as_ref().is_some_and(|still| still.is_of(&request));
         let quality = choose(Drawing { mode, lod, has_rays, has_details });

@@ -1,13 +1,14 @@
 //! The surface of the domain: against closed forms on a box, with and without what is in it, and cut.
 
 use crate::series::{colors_for, ingested};
+use glam::DVec3;
 use tetreel::camera::{Camera, Projection};
 use tetreel::image::Planes;
 use tetreel::pipeline::{Backend, FrameRequest, Pipeline, SampleSet, TetDraw};
 use tetreel::render::surfaces::{Cut, Normals};
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 
-const SIZE: (usize, usize) = (60, 50);
+pub(crate) const SIZE: (usize, usize) = (60, 50);
 
 /// A box, and a request for surfaces of its domain alone.
 fn slab(dir: &std::path::Path, surfaces: &[&str]) -> (Pipeline, FrameRequest) {
@@ -23,18 +24,17 @@ fn slab(dir: &std::path::Path, surfaces: &[&str]) -> (Pipeline, FrameRequest) {
     (pipeline, FrameRequest { backend: Backend::Cpu, ..request })
 }
 
-fn planes(pipeline: &mut Pipeline, request: &FrameRequest, draw: TetDraw) -> Planes {
+pub(crate) fn planes(pipeline: &mut Pipeline, request: &FrameRequest, draw: TetDraw) -> Planes {
     pipeline.render(&request.clone().with_draw(draw)).unwrap().planes.clone()
 }
 
-/// Depths at which the ray of a pixel enters and leaves the box of the mesh, if it does.
-fn through_box(pipeline: &Pipeline, request: &FrameRequest, pixel: usize) -> Option<(f64, f64)> {
+/// Depths at which the ray of a pixel enters and leaves a box, if it does.
+pub(crate) fn through_box((lo, hi): (DVec3, DVec3), request: &FrameRequest, pixel: usize) -> Option<(f64, f64)> {
     let view = request.camera.view(SIZE.0, SIZE.1).unwrap();
     let (px, py) = view.ray(pixel % SIZE.0, pixel / SIZE.0);
     let beside = px * view.right + py * view.up;
     let (origin, along) =
         if view.perspective { (view.eye, view.forward + beside) } else { (view.eye + beside, view.forward) };
-    let (lo, hi) = pipeline.mesh().positions.world_bounds();
     let (a, b) = ((lo - origin) / along, (hi - origin) / along);
     let (enter, exit) = (a.min(b).max_element(), a.max(b).min_element());
     (exit > enter && exit > 0.0).then_some((enter, exit))
@@ -55,7 +55,7 @@ fn a_ray_meets_a_box_where_it_enters_and_where_it_leaves_and_once_from_within() 
             let found = planes(&mut pipeline, &request, draw);
             let mut seen = [0, 0];
             for pixel in 0..SIZE.0 * SIZE.1 {
-                let through = through_box(&pipeline, &request, pixel);
+                let through = through_box((lo, hi), &request, pixel);
                 let (opacity, depth) = match through {
                     None => (0.0, f64::INFINITY),
                     Some((enter, exit)) if enter <= 0.0 && name == "inside" => (0.5, exit),
@@ -83,9 +83,9 @@ fn it_has_the_colours_of_the_field_also_where_the_volume_is_clear() {
     let scalars = pipeline.prepare(&request).unwrap().scalars;
     let mesh = pipeline.mesh().clone();
     let view = request.camera.view(SIZE.0, SIZE.1).unwrap();
-    let mut compared = 0;
+    let (mut compared, bounds) = (0, mesh.positions.world_bounds());
     for pixel in 0..SIZE.0 * SIZE.1 {
-        let Some((enter, _)) = through_box(&pipeline, &request, pixel) else { continue };
+        let Some((enter, _)) = through_box(bounds, &request, pixel) else { continue };
         let (px, py) = view.ray(pixel % SIZE.0, pixel / SIZE.0);
         let point = view.eye + enter * (view.forward + px * view.right + py * view.up);
         // The scalar of the cell at the point, by its corners.
@@ -127,9 +127,9 @@ fn feature_edges_are_those_of_the_box_and_a_wireframe_has_all() {
     let middle = 0.5 * (lo + hi);
     // Along x: four edges make a rectangle, in front of those behind.
     let camera = Camera {
-        position: middle + (hi - lo).length() * glam::DVec3::X,
+        position: middle + (hi - lo).length() * DVec3::X,
         focal_point: middle,
-        view_up: glam::DVec3::Z,
+        view_up: DVec3::Z,
         projection: Projection::Parallel { scale: 0.5 * (hi.z - lo.z) * 1.2 },
         near: 0.0,
     };
@@ -176,12 +176,12 @@ fn it_is_cut_by_clips_and_is_the_same_at_the_pixels_that_are_asked_for() {
     let [whole, clipped_planes] = [&request, &clipped].map(|request| planes(&mut pipeline, request, TetDraw::Raycast));
     assert!(whole.color != clipped_planes.color);
     let view = request.camera.view(SIZE.0, SIZE.1).unwrap();
-    let normal = glam::DVec3::from(cut.normal).normalize();
+    let normal = DVec3::from(cut.normal).normalize();
     let mut seen = 0;
     for (pixel, depth) in clipped_planes.depth.pixels.iter().enumerate().filter(|(_, depth)| depth.is_finite()) {
         let (px, py) = view.ray(pixel % SIZE.0, pixel / SIZE.0);
         let point = view.eye + f64::from(*depth) * (view.forward + px * view.right + py * view.up);
-        assert!(normal.dot(point - glam::DVec3::from(cut.point)) < 1e-2, "pixel {pixel} shows what is cut away");
+        assert!(normal.dot(point - DVec3::from(cut.point)) < 1e-2, "pixel {pixel} shows what is cut away");
         seen += 1;
     }
     assert!(seen > 300, "{seen}");

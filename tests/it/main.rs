@@ -6,6 +6,7 @@ mod accuracy;
 #[cfg(feature = "cli")]
 mod cli;
 mod common;
+mod cubes;
 mod domain;
 mod exr;
 mod first_look;
@@ -22,6 +23,7 @@ mod no_unsafe;
 mod peers;
 mod pipeline;
 mod range_map;
+mod region_surfaces;
 mod render;
 mod samples;
 mod series;

@@ -1,8 +1,9 @@
-//! The surface of the domain: the faces behind which there is no cell with finite scalars, drawn as a surface, as their edges, or as
-//! feature edges.
+//! Surfaces around cells, drawn as a surface, as the edges of its faces, or as feature edges: that of the domain (the faces behind which
+//! there is no cell with finite scalars), and those of regions (the faces between a cell of the region and any other cell, or none).
 //!
-//! It is not a medium in the cells but a layer beside them: its [fragments](crate::render::LayerFragments) are computed before the cells
-//! are drawn, by any renderer.
+//! They are not media in the cells but a layer beside them: their [fragments](crate::render::LayerFragments) are computed before the cells
+//! are drawn, by any renderer. A face that two surfaces share has the same depth to the bit in both, whichever of its cells it is seen
+//! from: the surface that is asked for first lies in front.
 
 mod faces;
 mod lines;
@@ -11,7 +12,7 @@ mod text;
 use super::layers::LayerFragment;
 use super::surfaces::{Normals, SurfaceShading, brightness};
 use crate::camera::View;
-use crate::field::Scalars;
+use crate::field::{Regions, Scalars};
 use crate::mesh::{Mesh, NONE, Plane};
 use crate::node_table::NodeTable;
 use crate::visibility::CellSet;
@@ -33,18 +34,30 @@ pub enum DomainStyle {
     Edges,
 }
 
-/// A drawing of the surface of the domain.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// A drawing of the surface of the domain, or of regions.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DomainSurface {
     /// How it is drawn.
     pub style: DomainStyle,
+    /// The regions around which it is; `None`: the domain.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub regions: Option<Regions>,
     /// Display-referred colour, 0..=1; `None`: the transfer function's colour of the scalars.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub color: Option<[f64; 3]>,
     /// Opacity, 0..=1.
     #[serde(default = "super::surfaces::opaque")]
     pub opacity: f64,
+}
+
+/// A drawing with the cells around which it is.
+#[derive(Clone, Debug)]
+pub struct Shell {
+    /// The drawing.
+    pub surface: DomainSurface,
+    /// The cells: a face with one of them on one of its sides alone is on the surface.
+    pub cells: Arc<CellSet>,
 }
 
 /// Checks that colours and opacities are in range.
@@ -62,11 +75,11 @@ pub fn check(domain: &[DomainSurface]) -> Result<(), String> {
 /// Cosine of the angle between outward normals of two faces above which their edge is no feature edge.
 const SMOOTH: f64 = 0.866_025_403_784_438_6;
 
-/// The faces and edges of the surface of a mesh's finite cells; cached while both are unchanged.
+/// The faces and edges of the surface around some cells of a mesh; cached while both are unchanged.
 #[derive(Debug, Default)]
 pub struct DomainFaces {
     of: Weak<Mesh>,
-    finite: Weak<CellSet>,
+    cells: Weak<CellSet>,
     /// Vertices of the faces, ascending, and their cells.
     faces: Vec<([u32; 3], u32)>,
     /// Vertices of all edges, ascending, and of the feature edges, each with a cell of the surface.
@@ -75,14 +88,14 @@ pub struct DomainFaces {
 }
 
 impl DomainFaces {
-    /// Updates the faces and edges for these finite cells.
-    pub fn update(&mut self, mesh: &Arc<Mesh>, finite: &Arc<CellSet>) {
-        if self.of.as_ptr() == Arc::as_ptr(mesh) && self.finite.as_ptr() == Arc::as_ptr(finite) {
+    /// Updates the faces and edges for these cells.
+    pub fn update(&mut self, mesh: &Arc<Mesh>, cells: &Arc<CellSet>) {
+        if self.of.as_ptr() == Arc::as_ptr(mesh) && self.cells.as_ptr() == Arc::as_ptr(cells) {
             return;
         }
         let topology = &mesh.topology;
-        let is_in = |cell: u32| cell != NONE && finite.contains(cell);
-        // Faces with their single finite cell.
+        let is_in = |cell: u32| cell != NONE && cells.contains(cell);
+        // Faces with their single cell of these.
         let found: Vec<([u32; 3], u32)> = topology
             .faces
             .par_iter()
@@ -110,7 +123,7 @@ impl DomainFaces {
         self.edges = of_edges().map(first).collect();
         self.turns = of_edges().filter(is_turn).map(first).collect();
         self.faces = found;
-        (self.of, self.finite) = (Arc::downgrade(mesh), Arc::downgrade(finite));
+        (self.of, self.cells) = (Arc::downgrade(mesh), Arc::downgrade(cells));
     }
 
     /// The fragments of a surface in a view (local coordinates), each with its pixel's index in the plane.
@@ -194,3 +207,6 @@ impl DomainScene<'_> {
         brightness(normal, if perspective { at } else { DVec3::Z }, self.shading.towards_light().map(in_view))
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -9,6 +9,7 @@ mod point;
 mod popups;
 mod preview;
 mod project;
+mod region_surfaces;
 mod regions;
 mod run;
 mod screen;

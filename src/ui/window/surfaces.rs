@@ -1,7 +1,7 @@
 //! Isosurfaces and cuts: values, positions and colours.
 
 use super::widgets::{choice, color_button, icon, labelled, named, number, toggle};
-use super::{overlay, regions};
+use super::{overlay, region_surfaces, regions};
 use crate::pipeline::{Shown, SurfaceLook};
 use crate::render::domain::{DomainStyle, DomainSurface};
 use crate::render::surfaces::{Cut, Isosurface, Normals, SURFACES_MAX};
@@ -53,7 +53,9 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
         }
         domain(ui, &mut look);
         parts(ui, session.part_sizes(), &mut look.parts);
-        regions::show(ui, session.store().fields(), &mut look.regions);
+        let fields = session.store().fields();
+        regions::show(ui, fields, &mut look.regions);
+        region_surfaces::show(ui, fields, &mut look.domain);
         cuts(ui, session, &mut look);
     }
     if look != before {
@@ -104,10 +106,13 @@ fn domain(ui: &mut Ui, look: &mut SurfaceLook) {
         (Some((DomainStyle::Wireframe, false)), "domain: wireframe"),
         (Some((DomainStyle::Edges, false)), "domain: feature edges"),
     ];
-    let mut style = look.domain.first().map(|of| (of.style, of.style == DomainStyle::Solid && of.opacity < 1.0));
+    let drawn = look.domain.iter().find(|surface| surface.regions.is_none());
+    let mut style = drawn.map(|of| (of.style, of.style == DomainStyle::Solid && of.opacity < 1.0));
     if choice(ui, "Surface of the domain", &mut style, &styles) {
-        look.domain =
-            style.map(|(style, is_translucent)| DomainSurface::of_style(style, is_translucent)).into_iter().collect();
+        look.domain.retain(|surface| surface.regions.is_some());
+        if let Some((style, is_translucent)) = style {
+            look.domain.insert(0, DomainSurface::of_style(style, is_translucent));
+        }
     }
 }
 

@@ -1,6 +1,9 @@
 //! Isosurfaces on the command line.
 
 use super::{Place, render};
+use crate::cubes::cubes;
+use crate::series::ingested;
+use tetreel::field::Association;
 use tetreel::image::{Planes, read_exr};
 
 /// An EXR of the slab at a step with these options.
@@ -129,6 +132,38 @@ fn parts_that_there_are_not_are_refused_and_the_only_one_is_the_whole() {
     for (regions, problem) in [("linear=1", "has values of vertices"), ("linear", "write FIELD=VALUE")] {
         let wrong = render(&["-o", "x.png", "--steps", "1", "--regions", regions]);
         place.refuses(&wrong, &["--regions", problem]);
+    }
+}
+
+#[test]
+fn surfaces_of_regions_are_drawn_and_those_that_there_are_not_are_refused() {
+    let place = Place::with_slab();
+    let fields = [("T", Association::Point), ("block", Association::Cell)];
+    let source = cubes([2, 2, 2], false, 2, &fields, |_, _, at| if at.x < 1.0 { 1.0 } else { 2.0 });
+    ingested(&source, &place.path("b.zarr"), "0..2");
+    let args = |more: &[&'static str]| {
+        [&["render", "b.zarr", "--field", "T", "--steps", "1", "--size", "64x64", "--shade", "none"][..], more].concat()
+    };
+    let draw = |more: &[&'static str]| {
+        place.ok(&args(&[&["-o", "f.exr", "--exr", "raw"], more].concat()));
+        read_exr(&place.path("f.exr")).unwrap().planes
+    };
+    let red = |planes: &Planes| planes.color.pixels.iter().filter(|p| **p == [1.0, 0.0, 0.0, 1.0]).count();
+    let shell = ["--no-volume", "--surface", "solid:block=2:#ff0000"];
+    let (half, whole) = (draw(&shell), draw(&["--no-volume", "--surface", "solid:block=1..2:#ff0000"]));
+    assert!(red(&half) > 200 && red(&whole) > red(&half) + 100, "{} of {}", red(&half), red(&whole));
+    assert!(half.color.pixels.iter().all(|p| *p == [0.0; 4] || *p == [1.0, 0.0, 0.0, 1.0]));
+    assert!(draw(&[&shell[..], &["--regions", "block=1"]].concat()) == half, "whatever the volume shows");
+    for mode in ["havs", "reference"] {
+        assert!(draw(&[&shell[..], &["--mode", mode]].concat()).color == half.color, "{mode}");
+    }
+    for (surface, parts) in [
+        ("solid:T=1", ["--surface solid:T=1", "'T' has values of vertices; regions are chosen by a field of cells"]),
+        ("edges:block=9", ["--surface edges:block=9", "no cell has such a value; those of 'block' go from 1 to 2"]),
+        ("solid:part=1:#ff0000", ["--surface solid:part=1", "'part'"]),
+        ("solid:block=x", ["--surface", "write VALUE,FROM..TO"]),
+    ] {
+        place.refuses(&args(&["-o", "x.png", "--surface", surface]), &parts);
     }
 }
 

@@ -122,7 +122,8 @@ fn details_that_do_not_fit_are_refused() {
     bad(|r| FrameRequest { samples: "adaptive".parse::<SampleSet>().unwrap(), ..r });
     bad(|r| {
         r.with_tets(|tets| {
-            tets.domain = vec![DomainSurface { style: DomainStyle::Wireframe, color: None, opacity: 1.0 }]
+            tets.domain =
+                vec![DomainSurface { style: DomainStyle::Wireframe, regions: None, color: None, opacity: 1.0 }]
         })
     });
     assert!(delivery(&pipelined, good).frame.is_ok());

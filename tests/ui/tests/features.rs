@@ -406,5 +406,28 @@ fn regions_are_chosen_by_a_field_of_cells_and_its_values() {
     desk.click("all regions");
     desk.settle();
     assert_eq!(shown(&desk), (None, 3));
+    // Surfaces of regions, beside that of the domain.
+    let surfaces = |desk: &Desk| {
+        let shown = desk.session().shown().unwrap();
+        shown.request.tets().unwrap().domain.iter().map(ToString::to_string).collect::<Vec<_>>()
+    };
+    desk.click("Add surface of regions");
+    desk.settle();
+    assert_eq!(surfaces(&desk), ["solid:block=0..5::0.3"]);
+    desk.harness.get_by_label("Values of the regions' surface").focus();
+    desk.harness.run_steps(2);
+    desk.harness.key_press_modifiers(egui::Modifiers::COMMAND, Key::A);
+    desk.harness.event(egui::Event::Text("3".to_owned()));
+    desk.harness.run_steps(2);
+    desk.click("Style of the regions' surface");
+    desk.click("wireframe");
+    desk.click("Surface of the domain");
+    desk.click("domain: feature edges");
+    desk.settle();
+    assert_eq!(surfaces(&desk), ["edges", "wireframe:block=3::0.3"]);
+    desk.save("region_surface.png");
+    desk.click("Remove the regions' surface");
+    desk.settle();
+    assert_eq!(surfaces(&desk), ["edges"]);
     assert!(desk.session().notices().is_empty(), "{:?}", desk.session().notices());
 }
