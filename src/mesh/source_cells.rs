@@ -75,11 +75,37 @@ impl SourceCells {
     /// If there are not as many values as cells of either.
     pub fn expand<T: Copy>(&self, values: &[T], out: &mut [T]) {
         assert_eq!([values.len(), out.len()], [self.len(), self.cells], "one value a cell");
+        self.expand_from(0, values, out);
+    }
+
+    /// As [`Self::expand`], for the cells of the mesh from `first` on, one for each place of `out`.
+    ///
+    /// # Panics
+    /// If there are not as many values as cells of the source, or the mesh has no such cells.
+    pub fn expand_from<T: Copy>(&self, first: usize, values: &[T], out: &mut [T]) {
+        assert_eq!(values.len(), self.len(), "one value a cell of the source");
+        let range = first..first + out.len();
         if self.are_whole() {
-            out.copy_from_slice(values);
+            out.copy_from_slice(&values[range]);
             return;
         }
-        out.iter_mut().zip(&self.of_cell).for_each(|(out, &of)| *out = values[of as usize]);
+        out.iter_mut().zip(&self.of_cell[range]).for_each(|(out, &of)| *out = values[of as usize]);
+    }
+
+    /// Which chunks of `length` values of the source's cells the wanted chunks of as many cells of the mesh need.
+    ///
+    /// # Panics
+    /// If there is not one wish for each chunk.
+    pub fn needed_chunks(&self, length: usize, wanted: &[bool]) -> Vec<bool> {
+        assert_eq!(wanted.len(), self.cells.div_ceil(length), "a wish for each chunk");
+        if self.are_whole() {
+            return wanted.to_vec();
+        }
+        let mut needed = vec![false; self.len().div_ceil(length)];
+        for (cells, _) in self.of_cell.chunks(length).zip(wanted).filter(|(_, wanted)| **wanted) {
+            cells.iter().for_each(|&of| needed[of as usize / length] = true);
+        }
+        needed
     }
 }
 
@@ -95,7 +121,16 @@ mod tests {
         cells.expand(&[70.0, 20.0, 1.0], &mut out);
         assert_eq!(out, [70.0, 20.0, 70.0, 1.0, 20.0, 20.0]);
 
+        let mut some = [0.0; 2];
+        cells.expand_from(3, &[70.0, 20.0, 1.0], &mut some);
+        assert_eq!(some, [1.0, 20.0]);
+        // Cells 2 and 3 are parts of the first and third of the source; the others of the first two.
+        assert_eq!(cells.needed_chunks(2, &[false, true, false]), [true, true]);
+        assert_eq!(cells.needed_chunks(2, &[true, false, false]), [true, false]);
+        assert_eq!(cells.needed_chunks(1, &[false, false, false, false, true, false]), [false, true, false]);
+
         let whole = SourceCells::of(&[5, 0, 3]);
+        assert_eq!(whole.needed_chunks(2, &[false, true]), [false, true]);
         assert_eq!((whole.len(), whole.are_whole(), whole.firsts().collect::<Vec<_>>()), (3, true, vec![0, 1, 2]));
         whole.expand(&[1.0, 2.0, 3.0], &mut out[..3]);
         assert_eq!(out[..3], [1.0, 2.0, 3.0]);

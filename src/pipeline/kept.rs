@@ -40,9 +40,9 @@ impl Default for ChunkRanges {
 }
 
 impl ChunkRanges {
-    /// How many steps of this many vertices fit in the budget.
-    pub(super) fn steps_max(&self, vertices: usize) -> usize {
-        self.bytes_max / (vertices.div_ceil(Clusters::VERTICES).max(1) * size_of::<[f32; 2]>())
+    /// How many steps of this many scalars fit in the budget.
+    pub(super) fn steps_max(&self, scalars: usize) -> usize {
+        self.bytes_max / (scalars.div_ceil(Clusters::SCALARS).max(1) * size_of::<[f32; 2]>())
     }
 }
 

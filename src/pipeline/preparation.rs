@@ -102,7 +102,10 @@ impl Decode {
         // Smooth normals and sections also use invisible cells.
         let has_sections = layer.cuts.iter().any(|cut| !cut.clips);
         let is_beside_cells = has_sections || !layer.domain.is_empty();
-        let are_all_needed = !request.skip.transparent_chunks || has_smooth_surfaces(&layer) || is_beside_cells;
+        // Gradients of cells' scalars come from the cells around.
+        let needs_neighbours = series.values_of() == Association::Cell && layer.table.joint().is_some();
+        let are_all_needed =
+            !request.skip.transparent_chunks || has_smooth_surfaces(&layer) || is_beside_cells || needs_neighbours;
         let needed = if !are_all_needed { series.needed_chunks(request.time, &transparent) } else { None };
         let chunks = needed.as_ref().map(|needed| &*needed.chunks);
         let scalars = self.steps.show(series, request.time, chunks, cancel, &mut stats)?;

@@ -1,4 +1,4 @@
-//! Scalar ranges of the chunks of a step's vertices, as far as they are known; fields of cells have none.
+//! Scalar ranges of the chunks of a step's vertices or cells, as far as they are known.
 //!
 //! They are learned when a step is first decoded. From then on chunks without a visible cell need not be decoded again: when a loop
 //! restarts, when playback goes back, when the transfer function changes.
@@ -43,17 +43,13 @@ impl Series {
 
     /// Learns the ranges of a step from all of its scalars.
     pub(super) fn learn_ranges(&self, step: usize, scalars: &[f32]) {
-        if self.values_of() == Association::Cell {
-            // Chunks are of vertices.
-            return;
-        }
         let steps_max = self.ranges.steps_max(scalars.len());
         let is_learned = |steps: &HashMap<_, _>| steps.len() < steps_max && !steps.contains_key(&step);
         if !is_learned(&self.known_ranges()) {
             return;
         }
         // Computed without the lock, for the same reason as above.
-        let ranges = scalars.par_chunks(Clusters::VERTICES).map(range).collect::<Vec<_>>();
+        let ranges = scalars.par_chunks(Clusters::SCALARS).map(range).collect::<Vec<_>>();
         let mut steps = self.known_ranges();
         if is_learned(&steps) {
             steps.insert(step, ranges.into());
@@ -73,7 +69,11 @@ impl Series {
             transparent.label_of_range(a.min(c), b.max(d)).filter(|_| is_known)
         };
         let mut labels: Vec<Option<Label>> = ranges.iter().zip(&*others).map(hull).collect();
-        let chunks = self.clusters().needed_scalars(&labels);
+        let chunks = match self.values_of() {
+            Association::Point => self.clusters().needed_scalars(&labels),
+            // A cell shows its own scalar alone.
+            Association::Cell => labels.iter().map(Option::is_none).collect(),
+        };
         if chunks.iter().all(|&needed| needed) {
             return None;
         }

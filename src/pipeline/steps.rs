@@ -54,7 +54,7 @@ pub(super) struct StepCache {
 }
 
 impl StepCache {
-    /// The scalars at a time, one per vertex or cell, at least in the `needed` chunks of [`Clusters::VERTICES`] (`None`: all); `None` if `cancel`
+    /// The scalars at a time, one per vertex or cell, at least in the `needed` chunks of [`Clusters::SCALARS`] (`None`: all); `None` if `cancel`
     /// was raised. The other chunks are filled with their least scalar. A call that needs further chunks of a held time fills all of them.
     ///
     /// # Errors
@@ -82,11 +82,11 @@ impl StepCache {
             let ranges = needed.and_then(|_| series.ranges_of(time.step()));
             let needed = needed.filter(|_| ranges.is_some());
             let filled = self.fill(time, count, needed, |out| {
-                let wanted = needed.map(|chunks| Wanted { length: Clusters::VERTICES, chunks });
+                let wanted = needed.map(|chunks| Wanted { length: Clusters::SCALARS, chunks });
                 let cost = series.source.decode_step(StepRequest { step: time.step(), wanted, cancel }, out)?;
                 decoded = cost.unwrap_or_default();
                 if let (Some(chunks), Some(ranges)) = (needed, &ranges) {
-                    let parts = out.chunks_mut(Clusters::VERTICES).zip(chunks).zip(ranges.iter());
+                    let parts = out.chunks_mut(Clusters::SCALARS).zip(chunks).zip(ranges.iter());
                     parts.filter(|((_, needed), _)| !**needed).for_each(|((part, _), range)| part.fill(range[0]));
                 }
                 if cost.is_some() && needed.is_none() {

@@ -8,7 +8,7 @@ use super::mesh::is_current;
 use crate::codec::blocks::{BlockCache, BlockKey, BlockLoader};
 use crate::codec::vq::VqBlock;
 use crate::codec::{
-    self, Chunking, Coding, DecodeStats, Decoder, ElementType, Quality, ReadRange, StepRequest, StoredValues,
+    self, Chunking, Coding, DecodeStats, Decoder, ElementType, Quality, ReadRange, StepRequest, StoredValues, Wanted,
     chunk_key, magnitude_unless, read_rows,
 };
 use crate::error::{FileError, FileResult};
@@ -16,6 +16,7 @@ use crate::field::Association;
 use crate::mesh::SourceCells;
 use crate::moments::{StepSummary, VertexStatistics};
 use crate::task::Cancel;
+use rayon::iter::ParallelIterator;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -276,9 +277,16 @@ impl FieldReader {
     pub fn decode_step_unless(&self, request: StepRequest<'_>, out: &mut [f32]) -> FileResult<Option<DecodeStats>> {
         let Some(parts) = &self.series.parts else { return self.decode_stored(request, out) };
         self.with_buffer(&self.compact, self.series.count, |compact| {
-            let decoded = self.decode_stored(StepRequest { wanted: None, ..request }, compact)?;
-            if decoded.is_some() {
-                parts.expand(compact, out);
+            let needed = request.wanted.map(|wanted| parts.needed_chunks(wanted.length, wanted.chunks));
+            let needed = request.wanted.zip(needed.as_deref()).map(|(wanted, chunks)| Wanted { chunks, ..wanted });
+            let decoded = self.decode_stored(StepRequest { wanted: needed, ..request }, compact)?;
+            match request.wanted {
+                _ if decoded.is_none() => {}
+                None => parts.expand(compact, out),
+                Some(wanted) => {
+                    let compact = &*compact;
+                    wanted.of(out).for_each(|(first, out)| parts.expand_from(first, compact, out));
+                }
             }
             Ok(decoded)
         })

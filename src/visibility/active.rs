@@ -67,7 +67,7 @@ struct Last {
 
 impl ActiveCells {
     /// Finds the cells that are visible where the table is not `transparent`; `None` if `cancel` was raised meanwhile. `clusters`: those of
-    /// the mesh. `known` goes with the transparent intervals: the label of each cluster of vertices whose scalars must
+    /// the mesh. `known` goes with the transparent intervals: the label of each chunk of [`Clusters::SCALARS`] whose scalars must
     /// not be read, as [`TransparentIntervals::label_of_range`] gives it, for a range that holds all of its scalars; empty for none.
     ///
     /// With `forget`, nothing is reused from before.
@@ -108,7 +108,7 @@ impl ActiveCells {
                 self.label(scalars, transparent, known);
                 self.find(&mesh.topology, differences.map(|differences| (scalars, differences)), cancel)
             }
-            Scalars::Cells(scalars) => Some(self.find_by_cell(scalars, transparent)),
+            Scalars::Cells(scalars) => Some(self.find_by_cell(scalars, transparent, known)),
         };
         waste(Slow::ActiveCells, mesh.topology.tets.len());
         // The labels have changed: sets found for the previous ones no longer match.
@@ -145,11 +145,26 @@ impl ActiveCells {
     }
 
     /// Finds the cells of scalars that cells have: each has a label of its own.
-    fn find_by_cell(&mut self, scalars: &[f32], transparent: &TransparentIntervals) -> Activity {
+    fn find_by_cell(
+        &mut self,
+        scalars: &[f32],
+        transparent: &TransparentIntervals,
+        known: &[Option<Label>],
+    ) -> Activity {
         let Self { all, labels, last, pool, .. } = self;
         labels.resize(scalars.len(), VISIBLE);
-        let chunks = labels.par_chunks_mut(Clusters::CELLS).zip(scalars.par_chunks(Clusters::CELLS));
-        chunks.for_each(|(labels, scalars)| transparent.label_all(scalars, labels));
+        let chunks = labels.par_chunks_mut(Clusters::SCALARS).zip(scalars.par_chunks(Clusters::SCALARS));
+        let chunks = chunks.enumerate().with_min_len(Clusters::CELLS / Clusters::SCALARS);
+        let classified: usize = chunks
+            .map(|(at, (labels, scalars))| {
+                if let Some(label) = known.get(at).copied().flatten() {
+                    labels.fill(label);
+                    return 0;
+                }
+                transparent.label_all(scalars, labels);
+                labels.len()
+            })
+            .sum();
         let mut find = |before: Option<&Arc<CellSet>>, is_member: fn(Label) -> bool| {
             let set = pool.make(|set| {
                 set.resize(labels.len());
@@ -165,10 +180,9 @@ impl ActiveCells {
         let finite = find(before.map(|before| &before.finite), |label| label != HOLE);
         let active = find(before.map(|before| &before.active), |label| label == VISIBLE);
         let active = if active == finite { finite.clone() } else { active };
-        let classified = labels.len() as u64;
         // They are of no use to a later update by labels of vertices.
         labels.clear();
-        Activity { finite, active, classified }
+        Activity { finite, active, classified: classified as u64 }
     }
 
     /// Finds the cells of the current labels. `moved`: the scalars, if they are unchanged, and the differences of the intervals.

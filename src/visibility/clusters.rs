@@ -27,6 +27,8 @@ impl Clusters {
     pub const CELLS: usize = 4096;
     /// Number of vertices in a cluster; a mesh has five or six times as many cells as vertices.
     pub const VERTICES: usize = 256;
+    /// Number of successive scalars that are decoded or left out together: those of a cluster of vertices, or of as many cells.
+    pub const SCALARS: usize = Self::VERTICES;
 
     /// Clusters the cells and vertices of a mesh.
     pub fn new(mesh: &Mesh) -> Self {

@@ -28,6 +28,7 @@ mod render;
 mod samples;
 mod series;
 mod skipping;
+mod skipping_cells;
 mod store;
 mod stress;
 mod surfaces;

@@ -48,12 +48,12 @@ pub(crate) fn sample(dir: &Path, (file, field, steps): (&str, &str, &str)) -> (t
 }
 
 /// Planes of a frame that are equal to the last bit.
-fn bits(frame: &Frame) -> (Vec<[u32; 4]>, Vec<u32>) {
+pub(crate) fn bits(frame: &Frame) -> (Vec<[u32; 4]>, Vec<u32>) {
     let color = frame.planes.color.pixels.iter().map(|p| p.map(f32::to_bits)).collect();
     (color, frame.planes.depth.pixels.iter().map(|d| d.to_bits()).collect())
 }
 
-fn with(request: &FrameRequest, draw: TetDraw, skip: Skip) -> FrameRequest {
+pub(crate) fn with(request: &FrameRequest, draw: TetDraw, skip: Skip) -> FrameRequest {
     FrameRequest { skip, backend: Backend::Cpu, ..request.clone().with_draw(draw) }
 }
 
