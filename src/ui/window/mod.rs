@@ -2,6 +2,7 @@
 
 mod axes;
 mod blit;
+mod files;
 mod input;
 mod overlay;
 mod painted;
@@ -19,6 +20,7 @@ mod strip;
 mod surfaces;
 mod timeline;
 mod transfer_editor;
+mod unsaved;
 mod viewport;
 mod waker;
 mod welcome;
@@ -28,19 +30,19 @@ pub use run::{WindowError, run, run_watched};
 
 use super::following::Follower;
 use super::notice::{self, Notice, NoticeKind};
-use super::opening::{Opened, Opening, OpeningEnd, OpeningOptions};
+use super::opening::{Opened, Opening, OpeningOptions};
 use super::settings::SettingsFile;
 use super::{Action, Session, SessionOptions, SettingsKeeper};
 use crate::field::FieldSelector;
 use crate::look::Look;
 use crate::pipeline::{Pipeline, Pipelined, PipelinedOptions, Series, WindowGpu};
 use crate::playback::{Clock, Command, Loop, Player};
-use crate::project::{Project, is_project};
+use crate::project::Project;
 use crate::render::RenderError;
 use crate::render::gpu::context::ContextOptions;
 use crate::task::Cancel;
 use blit::Backdrop;
-use crossbeam::channel::{Receiver, bounded};
+use crossbeam::channel::Receiver;
 use eframe::egui;
 use eframe::egui_wgpu::{RenderState, wgpu};
 use screen::Screen;
@@ -48,6 +50,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
+use unsaved::{Leaving, Unsaved};
 use waker::Waker;
 use welcome::{PathBox, Wish};
 
@@ -152,6 +155,9 @@ pub struct PlayerWindow {
     preview: preview::Preview,
     overlays: overlay::Overlays,
     path_box: PathBox,
+    unsaved: Unsaved,
+    /// Whether the window closes without a question.
+    is_closing: bool,
     /// Messages that do not concern the session.
     notices: Vec<Notice>,
     /// New title of the system's window, sent once.
@@ -191,6 +197,8 @@ impl PlayerWindow {
             preview: Default::default(),
             overlays: Default::default(),
             path_box: Default::default(),
+            unsaved: Default::default(),
+            is_closing: false,
             notices: Vec::new(),
             title: None,
             is_laid_out: false,
@@ -260,54 +268,6 @@ impl PlayerWindow {
         // Losses are reported by the next poll.
         let _ = context.device.poll(wgpu::PollType::Poll);
         context.check().err().filter(|error| matches!(error, RenderError::DeviceLost { .. }))
-    }
-
-    /// Opens files in the background, while the current series plays on.
-    fn open_files(&mut self, paths: Vec<PathBuf>, dress: Dress) {
-        let options = self.options.opening.clone();
-        // Other files need not have the requested field.
-        self.options.opening.field = None;
-        let opening = Opening::start(paths, options, Arc::new(self.waker.wake()));
-        self.opening = Some((opening, dress));
-    }
-
-    /// Opens what the user names: a project with its look, other files with the look that they had last.
-    fn open_wish(&mut self, paths: Vec<PathBuf>) {
-        match &*paths {
-            [path] if is_project(path) => {
-                let (to, from) = bounded(1);
-                let (path, read, wake) = (path.clone(), self.options.projects.clone(), self.waker.wake());
-                let thread = std::thread::Builder::new().name("project file".to_owned()).spawn(move || {
-                    // The window may be closed by then.
-                    let _ = to.send(read(&path));
-                    wake();
-                });
-                match thread {
-                    Ok(_) => self.reading = Some(from),
-                    Err(error) => self.fail(format!("the system gives no thread: {error}")),
-                }
-            }
-            paths if paths.iter().any(|path| is_project(path)) => {
-                self.fail("a project is opened alone: drop or name it without other files".to_owned());
-            }
-            _ => {
-                let dress = self.as_last(&paths, Arc::new(plain));
-                self.open_files(paths, dress);
-            }
-        }
-    }
-
-    /// Opens the source of a project that has been read.
-    fn finish_reading(&mut self) {
-        let Some(read) = self.reading.as_ref().and_then(|reading| reading.try_recv().ok()) else { return };
-        self.reading = None;
-        match read {
-            Ok(ReadProject { source, field, dress }) => {
-                self.options.opening.field = field;
-                self.open_files(vec![source], dress);
-            }
-            Err(problem) => self.fail(problem),
-        }
     }
 
     /// Plays an opened series in place of the current one.
@@ -458,21 +418,11 @@ impl PlayerWindow {
         popups::drop_hint(&ctx);
         self.remember(&ctx);
         match wish {
-            Some(Wish::Open(paths)) => self.open_wish(paths),
+            Some(Wish::Open(paths)) => self.leave(&ctx, Leaving::Open(paths)),
             Some(Wish::Stop) => self.opening = None,
             None => {}
         }
-    }
-
-    fn finish_opening(&mut self) {
-        let Some((opening, dress)) = &self.opening else { return };
-        let (Some(ended), dress) = (opening.take(), dress.clone()) else { return };
-        self.opening = None;
-        match ended {
-            OpeningEnd::Opened(opened) => self.play(*opened, &dress),
-            OpeningEnd::Cancelled => {}
-            OpeningEnd::Failed(problem) => self.fail(problem),
-        }
+        self.guard_changes(&ctx);
     }
 
     /// Shows steps added to the store.

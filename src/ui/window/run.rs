@@ -36,6 +36,7 @@ struct Shared {
     /// Why the window must be opened again.
     lost: Option<String>,
     watch: Box<dyn FnMut(&PlayerWindow)>,
+    cancel: Cancel,
 }
 
 /// The window as egui's application.
@@ -43,12 +44,15 @@ struct App(Rc<RefCell<Shared>>);
 
 impl eframe::App for App {
     fn ui(&mut self, ui: &mut egui::Ui, _: &mut eframe::Frame) {
-        let Shared { window, lost, watch } = &mut *self.0.borrow_mut();
+        let Shared { window, lost, watch, cancel } = &mut *self.0.borrow_mut();
         if let Some(error) = window.lost() {
             // Nothing can be painted any more.
             *lost = Some(error.to_string());
             ui.send_viewport_cmd(egui::ViewportCommand::Close);
             return;
+        }
+        if cancel.is_cancelled() {
+            window.close_at_once();
         }
         window.show(ui);
         watch(window);
@@ -75,7 +79,7 @@ pub fn run_watched(
 ) -> Result<(), WindowError> {
     let gpu = options.gpu.clone();
     let window = PlayerWindow::open(options).map_err(|error| WindowError::NoWindow(error.to_string()))?;
-    let shared = Rc::new(RefCell::new(Shared { window, lost: None, watch }));
+    let shared = Rc::new(RefCell::new(Shared { window, lost: None, watch, cancel: cancel.clone() }));
     let mut last_loss = String::new();
     for _ in 0..=LOSSES_MAX {
         let shown = catch_unwind(AssertUnwindSafe(|| show_until_closed(&gpu, &shared, cancel)));

@@ -178,12 +178,23 @@ fn what_is_shown_is_saved_as_a_project_and_opened_again() {
     assert_eq!(std::fs::read_to_string(&other).unwrap(), "mine");
     desk.click("reversed");
     desk.until_there("seen.toml, changed");
-    desk.click("Open...");
-    desk.click("Path to open");
-    desk.click("Path to open");
-    desk.harness.get_by_label("Path to open").type_text(path.to_str().unwrap());
+    let open = |desk: &mut Desk| {
+        desk.click("Open...");
+        desk.click("Path to open");
+        desk.click("Path to open");
+        desk.harness.get_by_label("Path to open").type_text(path.to_str().unwrap());
+        desk.harness.step();
+        desk.press(Key::Enter);
+    };
+    open(&mut desk);
+    desk.until_there("Unsaved changes");
+    desk.save("project_unsaved.png");
+    desk.click("Stay here");
     desk.harness.step();
-    desk.press(Key::Enter);
+    assert!(desk.harness.query_by_label("Unsaved changes").is_none() && desk.session().is_changed());
+    open(&mut desk);
+    desk.until_there("Unsaved changes");
+    desk.click("Discard them");
     let begin = std::time::Instant::now();
     while desk.session().is_changed() {
         desk.harness.step();

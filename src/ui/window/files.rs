@@ -1,0 +1,114 @@
+//! Opens files and projects in a window, and leaves those that are open.
+
+use super::unsaved::{Leaving, Unsaved};
+use super::{Dress, PlayerWindow, ReadProject, plain};
+use crate::project::is_project;
+use crate::ui::opening::{Opening, OpeningEnd};
+use crossbeam::channel::bounded;
+use eframe::egui;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+impl PlayerWindow {
+    /// Opens files in the background, while the current series plays on.
+    pub(super) fn open_files(&mut self, paths: Vec<PathBuf>, dress: Dress) {
+        let options = self.options.opening.clone();
+        // Other files need not have the requested field.
+        self.options.opening.field = None;
+        let opening = Opening::start(paths, options, Arc::new(self.waker.wake()));
+        self.opening = Some((opening, dress));
+    }
+
+    /// Opens what the user names: a project with its look, other files with the look that they had last.
+    fn open_wish(&mut self, paths: Vec<PathBuf>) {
+        match &*paths {
+            [path] if is_project(path) => {
+                let (to, from) = bounded(1);
+                let (path, read, wake) = (path.clone(), self.options.projects.clone(), self.waker.wake());
+                let thread = std::thread::Builder::new().name("project file".to_owned()).spawn(move || {
+                    // The window may be closed by then.
+                    let _ = to.send(read(&path));
+                    wake();
+                });
+                match thread {
+                    Ok(_) => self.reading = Some(from),
+                    Err(error) => self.fail(format!("the system gives no thread: {error}")),
+                }
+            }
+            paths if paths.iter().any(|path| is_project(path)) => {
+                self.fail("a project is opened alone: drop or name it without other files".to_owned());
+            }
+            _ => {
+                let dress = self.as_last(&paths, Arc::new(plain));
+                self.open_files(paths, dress);
+            }
+        }
+    }
+
+    /// Opens the source of a project that has been read.
+    pub(super) fn finish_reading(&mut self) {
+        let Some(read) = self.reading.as_ref().and_then(|reading| reading.try_recv().ok()) else { return };
+        self.reading = None;
+        match read {
+            Ok(ReadProject { source, field, dress }) => {
+                self.options.opening.field = field;
+                self.open_files(vec![source], dress);
+            }
+            Err(problem) => self.fail(problem),
+        }
+    }
+
+    /// Plays what has been opened.
+    pub(super) fn finish_opening(&mut self) {
+        let Some((opening, dress)) = &self.opening else { return };
+        let (Some(ended), dress) = (opening.take(), dress.clone()) else { return };
+        self.opening = None;
+        match ended {
+            OpeningEnd::Opened(opened) => self.play(*opened, &dress),
+            OpeningEnd::Cancelled => {}
+            OpeningEnd::Failed(problem) => self.fail(problem),
+        }
+    }
+
+    /// Leaves the session for what the user wants, unless changes would be lost: these are asked about first.
+    pub(super) fn leave(&mut self, ctx: &egui::Context, leaving: Leaving) {
+        if !self.is_closing && self.session.as_ref().is_some_and(Unsaved::has_changes) {
+            self.unsaved.ask(leaving);
+            return;
+        }
+        self.leave_now(ctx, leaving);
+    }
+
+    pub(super) fn leave_now(&mut self, ctx: &egui::Context, leaving: Leaving) {
+        match leaving {
+            Leaving::Open(paths) => self.open_wish(paths),
+            Leaving::Close => {
+                self.is_closing = true;
+                ctx.send_viewport_cmd(egui::ViewportCommand::Close);
+            }
+        }
+    }
+
+    /// Keeps the window open while there are unsaved changes, and shows the question about them.
+    pub(super) fn guard_changes(&mut self, ctx: &egui::Context) {
+        let has_changes = self.session.as_ref().is_some_and(Unsaved::has_changes);
+        if has_changes && !self.is_closing && ctx.input(|input| input.viewport().close_requested()) {
+            ctx.send_viewport_cmd(egui::ViewportCommand::CancelClose);
+            self.unsaved.ask(Leaving::Close);
+        }
+        let mut actions = Vec::new();
+        let leaving = self.session.as_ref().and_then(|session| self.unsaved.show(ctx, session, &mut actions));
+        if let Some(session) = &mut self.session {
+            let now = self.started.elapsed();
+            actions.into_iter().for_each(|action| session.act(action, now));
+        }
+        if let Some(leaving) = leaving {
+            self.leave_now(ctx, leaving);
+        }
+    }
+
+    /// Lets the window close without a question, as after an interrupt.
+    pub(super) fn close_at_once(&mut self) {
+        self.is_closing = true;
+    }
+}
