@@ -37,7 +37,8 @@ struct Params {
     interval_count: u32,
     // Depth from which the depths along rays are counted: that of the middle of the mesh if the eye is far, else 0.
     pivot: f32,
-    unused: u32,
+    // Cells that have the scalars, which lie behind the view vertices (behind_vertices.wgsl); 0 if vertices have them.
+    cell_count: u32,
     // Zero, unknown to compilers.
     zero: u32,
 }

@@ -174,16 +174,15 @@ fn intervals(axis: &[f64], map: ScalarMap) -> impl Iterator<Item = [f32; 4]> {
     const FAR: f64 = 3e38;
     // The inverse of a narrower one is beyond f32.
     const NARROWEST: f64 = 1e-30;
-    let seen = move |place: f64| map.apply(place).clamp(-FAR, FAR) as f32;
     let between = move |i: usize| {
         let width = ((axis[i] - axis[i - 1]) * map.prescale * map.scale).min(FAR);
         let width = if width < NARROWEST { 0.0 } else { width };
-        [seen(axis[i - 1]), seen(axis[i]), width as f32, (i - 1) as f32]
+        [map.place(axis[i - 1]), map.place(axis[i]), width as f32, (i - 1) as f32]
     };
     let inner = (1..axis.len()).filter(|&i| axis[i] > axis[i - 1]).map(between);
     let last = axis.len() - 1;
-    let first = [-FAR as f32, seen(axis[0]), 0.0, 0.0];
-    std::iter::once(first).chain(inner).chain([[seen(axis[last]), FAR as f32, 0.0, last as f32]])
+    let first = [-FAR as f32, map.place(axis[0]), 0.0, 0.0];
+    std::iter::once(first).chain(inner).chain([[map.place(axis[last]), FAR as f32, 0.0, last as f32]])
 }
 
 /// State of a segment along one axis.

@@ -7,9 +7,9 @@
 //!   (`reference/joint.rs`), and evaluates `JointTable::eval`; the fast paths' integrator counts rectangles from line to line.
 //! - **On the CPU** (`cpu/values.rs`) the walk interpolates the value on each face from its edge functions; the face renderer keeps its
 //!   fragments unchanged and evaluates the cell's faces at both ends of a gap again.
-//! - **On the GPU** no further buffer is bound: values at vertices lie behind the view vertices, table layers of cells and the table in
-//!   the node table's buffer. Fragments carry their value, 32 bytes instead of 24. Eight storage buffers are enough; a table larger than
-//!   the binding is `BeyondGpu`.
+//! - **On the GPU** no further buffer is bound: values of rows lie behind the view vertices, table layers of cells and the table in the
+//!   node table's buffer. Fragments carry their value, 32 bytes instead of 24, unless it is the cell's. Eight storage buffers are enough;
+//!   a table larger than the binding is `BeyondGpu`.
 //!
 //! Accuracy against the reference (noise as the table, with steps; 48 x 48 pixels, an irregular mesh with a hole; all channels;
 //! `tests/it/render/joint.rs` and `joint_gpu.rs`): RMSE 7e-8 and at most 9e-7 on the CPU, 1e-7 and 5e-6 on the GPU (llvmpipe). A spike of
@@ -70,6 +70,12 @@ impl JointScene {
         values.map(|value| self.row_value(value))
     }
 
+    /// Value of the row in a cell, if cells have these values, as [`Self::vertex_value`].
+    pub(super) fn value_in_cell(&self, cell: u32) -> f64 {
+        let values = self.row_values.as_ref().and_then(Scalars::of_cells);
+        self.row_value(values.map_or(f32::NAN, |values| values[cell as usize]))
+    }
+
     fn row_value(&self, value: f32) -> f64 {
         if value.is_nan() { self.table.vertex_axis()[0] } else { f64::from(value.clamp(f32::MIN, f32::MAX)) }
     }
@@ -110,7 +116,6 @@ impl Medium for JointMedium<'_> {
     }
 
     fn value_in_cell(&self, cell: u32) -> f64 {
-        let values = self.scene.row_values.as_ref().and_then(Scalars::of_cells);
-        self.scene.row_value(values.map_or(f32::NAN, |values| values[cell as usize]))
+        self.scene.value_in_cell(cell)
     }
 }

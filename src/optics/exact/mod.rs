@@ -147,7 +147,7 @@ impl ExactTable {
     pub fn packed(&self, map: ScalarMap) -> Vec<[f32; 4]> {
         const FAR: f64 = 3e38;
         let pack = |i: &Interval| {
-            let [lo, hi] = [i.lo, i.hi].map(|s| map.apply(s).clamp(-FAR, FAR) as f32);
+            let [lo, hi] = [i.lo, i.hi].map(|s| map.place(s));
             let width = if i.per_width == 0.0 { 0.0 } else { (i.hi - i.lo) * map.prescale * map.scale };
             let per_width = if width > 0.0 { (1.0 / width).min(FAR).copysign(i.per_width) } else { 0.0 };
             [[lo, hi, width as f32, per_width as f32], i.at_foot.0.to_array(), i.rise.0.to_array()]

@@ -2,11 +2,10 @@
 
 use super::context::Context;
 use super::decode::BlockDecoder;
-use super::joint::VertexValues;
+use super::joint::RowValues;
 use super::layout::VIEW_VERTEX_BYTES;
 use super::resources::{Kind, Resource};
 use crate::mesh::Mesh;
-use crate::optics::ScalarMap;
 use crate::render::surfaces::SurfaceScene;
 use crate::render::{CompressedScalars, RenderError, RenderJob};
 use rayon::prelude::*;
@@ -15,6 +14,9 @@ use std::sync::{Arc, Weak};
 
 /// Cells or faces that are packed and sent at a time.
 const ELEMENTS_PER_PIECE: usize = 1 << 18;
+
+/// Numbers in the space of a view vertex, where some lie behind these.
+pub(super) const NUMBERS_PER_VERTEX: usize = VIEW_VERTEX_BYTES as usize / size_of::<f32>();
 
 /// A buffer that is reallocated only when it is too small.
 #[derive(Debug)]
@@ -142,21 +144,11 @@ pub(super) struct VertexBuffers {
     of: Option<Arc<Mesh>>,
     pub(super) positions: GrowingBuffer,
     pub(super) scalars: GrowingBuffer,
-    /// View vertices; behind them the value at vertices (with a joint table), then their gradients (with smooth surfaces); or the scalars of
-    /// cells.
+    /// View vertices. Behind them lie, of vertices, the values of a joint table's rows, then gradients (with smooth surfaces); or, of cells,
+    /// scalars, which the view transform maps there, then the values of the rows.
     pub(super) vertices: GrowingBuffer,
-    values: Option<VertexValues>,
+    rows: Option<RowValues>,
     gradients: Option<GradientsSent>,
-    cells: Option<CellScalarsSent>,
-    /// Memory for the scalars of cells as they are sent.
-    cell_words: Vec<f32>,
-}
-
-/// The scalars of cells that have been sent, and the map through which shaders see them.
-#[derive(Debug)]
-struct CellScalarsSent {
-    of: Weak<Vec<f32>>,
-    map: ScalarMap,
 }
 
 /// The gradients of vertices that have been sent.
@@ -174,10 +166,8 @@ impl VertexBuffers {
             positions: GrowingBuffer::new(Resource::Positions),
             scalars: GrowingBuffer::new(Resource::Scalars),
             vertices: GrowingBuffer::new(Resource::Vertices),
-            values: None,
+            rows: None,
             gradients: None,
-            cells: None,
-            cell_words: Vec::new(),
         }
     }
 
@@ -191,7 +181,7 @@ impl VertexBuffers {
         if self.of.as_ref().is_some_and(|of| Arc::ptr_eq(of, mesh)) {
             return Ok((false, 0));
         }
-        (self.of, self.values, self.gradients, self.cells) = (None, None, None, None);
+        (self.of, self.rows, self.gradients) = (None, None, None);
         let vertices = mesh.positions.local.len() as u64;
         let mut made = self.positions.reserve(context, 12 * vertices)?;
         made |= self.scalars.reserve(context, 4 * vertices)?;
@@ -201,73 +191,52 @@ impl VertexBuffers {
         Ok((made, sent))
     }
 
+    /// Makes room for as many scalars. Returns whether the buffer was reallocated.
+    pub(super) fn reserve_scalars(&mut self, context: &Context, count: usize) -> Result<bool, RenderError> {
+        self.scalars.reserve(context, 4 * count as u64).inspect_err(|_| self.of = None)
+    }
+
     /// Index of the first gradient component among the numbers behind the view vertices.
     pub(super) fn first_gradient(job: &RenderJob) -> usize {
         if job.joint.is_some() { job.mesh.positions.local.len() } else { 0 }
     }
 
-    /// Uploads the job's values at vertices and gradients, or scalars of cells, if any, unless they are on the GPU; after [`Self::upload`].
-    /// Returns whether the buffer was made, and the bytes sent.
-    pub(super) fn upload_values(
-        &mut self,
-        context: &Context,
-        job: &RenderJob,
-        map: ScalarMap,
-    ) -> Result<(bool, u64), RenderError> {
-        if let Some(scalars) = job.scalars.of_cells() {
-            return self.upload_cells(context, job, scalars, map);
-        }
+    /// Uploads the values of the job's rows and gradients, if any, unless they are on the GPU, and makes room for scalars of cells; after
+    /// [`Self::upload`]. Returns whether the buffer was made, and the bytes sent.
+    pub(super) fn upload_values(&mut self, context: &Context, job: &RenderJob) -> Result<(bool, u64), RenderError> {
         let gradients = job.surfaces.as_ref().and_then(SurfaceScene::gradients);
-        let vertices = job.mesh.positions.local.len();
-        let numbers = Self::first_gradient(job) + gradients.map_or(0, |gradients| 3 * gradients.len());
+        // Scalars of cells, whole view vertices of them, come first.
+        let first_row = job.scalars.of_cells().map_or(0, |scalars| scalars.len().next_multiple_of(NUMBERS_PER_VERTEX));
+        let rows = job.joint.as_ref().map_or(0, |_| job.scalars.values().len());
+        let numbers = first_row + rows + gradients.map_or(0, |gradients| 3 * gradients.len());
         if numbers == 0 {
             return Ok((false, 0));
         }
-        let begin = VIEW_VERTEX_BYTES * vertices as u64;
+        let begin = VIEW_VERTEX_BYTES * job.mesh.positions.local.len() as u64;
         // Rounded up to whole view vertices: shaders see an array of them.
         let bytes = (4 * numbers as u64).next_multiple_of(VIEW_VERTEX_BYTES);
         let made = self.vertices.reserve(context, begin + bytes).inspect_err(|_| self.of = None)?;
         if made {
-            (self.values, self.gradients) = (None, None);
+            (self.rows, self.gradients) = (None, None);
         }
-        self.cells = None;
+        if first_row > 0 {
+            // The scalars may overwrite what lay there.
+            self.gradients = None;
+            self.rows.take_if(|rows| rows.first() < first_row);
+        }
         let mut sent = 0;
         if let Some(scene) = &job.joint
-            && !self.values.as_ref().is_some_and(|values| values.is_of(scene))
+            && !self.rows.as_ref().is_some_and(|rows| rows.are_of(scene, first_row))
         {
             // Gradients may have lain there.
-            (self.values, self.gradients) = (None, None);
-            let (values, words) = VertexValues::of(scene, vertices);
-            sent += self.vertices.write(context, begin, bytemuck::cast_slice(&words))?;
-            self.values = Some(values);
+            (self.rows, self.gradients) = (None, None);
+            let (rows, words) = RowValues::of(scene, &job.scalars, first_row);
+            sent += self.vertices.write(context, begin + 4 * first_row as u64, bytemuck::cast_slice(&words))?;
+            self.rows = Some(rows);
         }
         if let Some(gradients) = gradients {
             sent += self.upload_gradients(context, gradients, begin, Self::first_gradient(job))?;
         }
-        Ok((made, sent))
-    }
-
-    /// Uploads scalars of cells as shaders see them (`view_transform.wgsl`), unless they are there.
-    fn upload_cells(
-        &mut self,
-        context: &Context,
-        job: &RenderJob,
-        scalars: &Arc<Vec<f32>>,
-        map: ScalarMap,
-    ) -> Result<(bool, u64), RenderError> {
-        let begin = VIEW_VERTEX_BYTES * job.mesh.positions.local.len() as u64;
-        let bytes = (4 * scalars.len() as u64).next_multiple_of(VIEW_VERTEX_BYTES);
-        let made = self.vertices.reserve(context, begin + bytes).inspect_err(|_| self.of = None)?;
-        let is_there = |sent: &CellScalarsSent| sent.of.as_ptr() == Arc::as_ptr(scalars) && sent.map == map;
-        if !made && self.cells.as_ref().is_some_and(is_there) {
-            return Ok((false, 0));
-        }
-        (self.values, self.gradients, self.cells) = (None, None, None);
-        // A hole is in no active cell.
-        let seen = |&scalar: &f32| if scalar.is_finite() { map.seen(scalar) } else { 0.0 };
-        scalars.par_iter().map(seen).collect_into_vec(&mut self.cell_words);
-        let sent = self.vertices.write(context, begin, bytemuck::cast_slice(&self.cell_words))?;
-        self.cells = Some(CellScalarsSent { of: Arc::downgrade(scalars), map });
         Ok((made, sent))
     }
 
@@ -284,10 +253,8 @@ impl VertexBuffers {
             return Ok(0);
         }
         self.gradients = None;
-        if first == 0 {
-            // Values at vertices may have lain there.
-            self.values = None;
-        }
+        // Values of rows may have lain there.
+        self.rows.take_if(|rows| first == 0 || rows.first() > 0);
         let sent = self.vertices.write(context, begin + 4 * first as u64, bytemuck::cast_slice(gradients))?;
         self.gradients = Some(GradientsSent { of: Arc::downgrade(gradients), first });
         Ok(sent)
@@ -322,7 +289,7 @@ impl GpuScalars {
 
     /// The only upload of scalars: sent to `buffer`, or decoded into it by the frame if compressed, unless they are there. Returns the
     /// factor that keeps them from being denormal, and the bytes sent. Non-finite values are sent as 0 (no active cell has one), so that
-    /// shaders see finite scalars only.
+    /// shaders see finite scalars only. The caller has [reserved](VertexBuffers::reserve_scalars) the buffer.
     pub(super) fn scalars_to_gpu(
         &mut self,
         context: &Context,
@@ -340,11 +307,6 @@ impl GpuScalars {
             .fold((0f32, true), |(largest, all), &s| (largest.max(finite(s).abs()), all && s.is_finite()));
         self.largest = largest;
         self.prescale = if largest < SMALL { PRESCALE } else { 1.0 };
-        if job.scalars.of_cells().is_some() {
-            // They lie behind the view vertices; what vertices have is not read.
-            self.of = Arc::downgrade(scalars);
-            return Ok((f64::from(self.prescale), 0));
-        }
         let fits = |c: &&CompressedScalars| c.steps().all(|step| step.block.means().len() == scalars.len());
         let compressed = job.compressed.as_ref().filter(fits).filter(|_| self.prescale == 1.0);
         if let Some(compressed) = compressed

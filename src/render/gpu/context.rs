@@ -210,7 +210,6 @@ impl Context {
             (surfaces_are(SurfaceScene::lights_volume), "light on the volume"),
             (surfaces_are(SurfaceScene::has_beside), "colours of another field"),
             (matches!(job.view.samples, Samples::Pixels(_)), "a list of pixels"),
-            (of_cells && job.joint.is_some(), "a joint table over scalars of cells"),
             (of_cells && job.surfaces.is_some(), "surfaces among scalars of cells"),
         ];
         let feature = lacking.into_iter().find_map(|(is_asked_for, feature)| is_asked_for.then_some(feature));

@@ -1,8 +1,8 @@
 //! Joint tables (transfer functions of more than the scalar) in the GPU's memory: in the buffers of a table of the scalar, so that
 //! stages need no more bindings.
 //!
-//! The table's buffer holds the layers of the cells first, then the table itself, which changes more often. The value at vertices
-//! lies behind the view vertices ([`VertexBuffers`](super::buffers::VertexBuffers)).
+//! The table's buffer holds the layers of the cells first, then the table itself, which changes more often. The values of the
+//! rows lie behind the view vertices ([`VertexBuffers`](super::buffers::VertexBuffers)).
 
 use super::buffers::GrowingBuffer;
 use super::context::Context;
@@ -131,41 +131,47 @@ impl JointBuffers {
     }
 }
 
-/// The map that is applied to the value at vertices.
+/// The map that is applied to the values of the rows, which have no steps.
 fn rows_map(table: &JointTable) -> ScalarMap {
     let rows = table.vertex_axis();
     ScalarMap::of_range(rows[0], rows[rows.len() - 1], 1.0)
 }
 
-/// The values of a scene at vertices.
-fn at_vertices(scene: &JointScene) -> Option<&Arc<Vec<f32>>> {
-    scene.row_values.as_ref().and_then(Scalars::of_vertices)
-}
-
-/// The values at vertices that were sent last.
+/// The values of rows, of vertices or cells, that were sent last.
 #[derive(Debug)]
-pub(super) struct VertexValues {
+pub(super) struct RowValues {
     of: Option<Weak<Vec<f32>>>,
     map: ScalarMap,
-    /// Value of vertices without one.
+    /// Value of vertices or cells without one.
     lowest: f64,
+    first: usize,
 }
 
-impl VertexValues {
-    /// Whether these are the values of a scene.
-    pub(super) fn is_of(&self, scene: &JointScene) -> bool {
-        let sent = self.of.as_ref().map(Weak::as_ptr);
-        let key = (rows_map(&scene.table), scene.table.vertex_axis()[0]);
-        sent == at_vertices(scene).map(Arc::as_ptr) && (self.map, self.lowest) == key
+impl RowValues {
+    /// Index of the first one among the numbers behind the view vertices.
+    pub(super) fn first(&self) -> usize {
+        self.first
     }
 
-    /// The values of a scene, and the mapped numbers to be sent.
-    pub(super) fn of(scene: &JointScene, vertices: usize) -> (Self, Vec<f32>) {
+    /// Whether these are the values of a scene, and begin at `first`.
+    pub(super) fn are_of(&self, scene: &JointScene, first: usize) -> bool {
+        let sent = self.of.as_ref().map(Weak::as_ptr);
+        let key = (rows_map(&scene.table), scene.table.vertex_axis()[0], first);
+        let values = scene.row_values.as_ref().map(Scalars::values);
+        sent == values.map(Arc::as_ptr) && (self.map, self.lowest, self.first) == key
+    }
+
+    /// The values of a scene, and the mapped numbers to be sent, one for each of the scalars, to begin at `first`.
+    pub(super) fn of(scene: &JointScene, scalars: &Scalars, first: usize) -> (Self, Vec<f32>) {
         let map = rows_map(&scene.table);
+        let value = |of: u32| match scalars {
+            Scalars::Vertices(_) => scene.vertex_value(of),
+            Scalars::Cells(_) => scene.value_in_cell(of),
+        };
         // Clamped to stay finite, as scalars are in `view_transform.wgsl`.
-        let seen = |vertex: usize| map.apply(scene.vertex_value(vertex as u32)).clamp(-1e30, 1e30) as f32;
-        let values = (0..vertices).into_par_iter().map(seen).collect();
-        let lowest = scene.table.vertex_axis()[0];
-        (Self { of: at_vertices(scene).map(Arc::downgrade), map, lowest }, values)
+        let seen = |of: usize| map.apply(value(of as u32)).clamp(-1e30, 1e30) as f32;
+        let words = (0..scalars.values().len()).into_par_iter().map(seen).collect();
+        let of = scene.row_values.as_ref().map(|values| Arc::downgrade(values.values()));
+        (Self { of, map, lowest: scene.table.vertex_axis()[0], first }, words)
     }
 }

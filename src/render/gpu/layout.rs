@@ -190,8 +190,8 @@ pub struct Params {
     pub interval_count: u32,
     /// Depth from which the depths along rays are counted: that of the local origin if the eye is far, else 0.
     pub pivot: f32,
-    /// Padding.
-    pub unused: u32,
+    /// Cells that have the scalars, which lie behind the view vertices; 0 if vertices have them.
+    pub cell_count: u32,
     /// Zero, unknown to shader compilers: it keeps them from simplifying sums as if they were exact.
     pub zero: u32,
 }

@@ -12,9 +12,9 @@
 //! | stage | file | a thread is |
 //! |---|---|---|
 //! | decode (codec `vq`) | `decode_vq.wgsl` | a vertex |
-//! | view transform | `view_transform.wgsl` | a vertex |
+//! | view transform | `view_transform.wgsl` | a vertex, or eight cells that have scalars |
 //! | entries | `entries_count.wgsl`, `entries_scan.wgsl`, `entries_store.wgsl` | an entry face; a part of the tiles; an entry face |
-//! | walk and composite | `walk.wgsl` with `lib/optics_intervals.wgsl` and `lib/optics_exact.wgsl` or `lib/optics_partial.wgsl`, or with `lib/optics_table3d.wgsl` or `lib/optics_joint.wgsl`; and `lib/surfaces.wgsl` | a pixel, a workgroup is a tile |
+//! | walk and composite | `walk.wgsl` with `lib/optics_intervals.wgsl` and `lib/optics_exact.wgsl` or `lib/optics_partial.wgsl`, or with `lib/optics_table3d.wgsl` or `lib/optics_joint.wgsl`; and `lib/surfaces.wgsl`, or `lib/cell_scalars.wgsl` or `lib/cell_joint.wgsl` | a pixel, a workgroup is a tile |
 //! | count, store (`havs`) | `faces.wgsl`, `face_pieces.wgsl`, `face_starts.wgsl` with `lib/fragments_count.wgsl` or `lib/fragments_store.wgsl` | a face; half a row of a tile; a pixel |
 //! | scan (`havs`) | `face_scan.wgsl` | a pixel, a workgroup is a tile |
 //! | sort (`havs`, pixels of more than 1,024 fragments) | `face_sort.wgsl` | a pair of fragments, a workgroup is a tile |

@@ -31,6 +31,7 @@ pub(super) const SCALAR_WITHIN_FACE: &str = include_str!("../../../shaders/lib/s
 pub(super) const SCALAR_AS_IS: &str = include_str!("../../../shaders/lib/scalar_as_is.wgsl");
 pub(super) const CORNERS: &str = include_str!("../../../shaders/lib/corners.wgsl");
 pub(super) const CELL_SCALARS: &str = include_str!("../../../shaders/lib/cell_scalars.wgsl");
+pub(super) const CELL_JOINT: &str = include_str!("../../../shaders/lib/cell_joint.wgsl");
 pub(super) const BEHIND_VERTICES: &str = include_str!("../../../shaders/lib/behind_vertices.wgsl");
 pub(super) const VERTEX_VALUES: &str = include_str!("../../../shaders/lib/vertex_values.wgsl");
 pub(super) const NO_VERTEX_VALUES: &str = include_str!("../../../shaders/lib/no_vertex_values.wgsl");

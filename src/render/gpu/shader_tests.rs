@@ -55,7 +55,7 @@ fn every_shader_is_valid_and_has_its_entry_point() {
             checked += 1;
         }
     }
-    assert_eq!(checked, 2 * 121);
+    assert_eq!(checked, 2 * 127);
     // Only those in f64 need a device that has it.
     let double = Stage::Walk(Gathering::Scalar(OpticsKind::Exact), Inside::Volume, Precision::Double).source(SPLITS[0]);
     assert!(parse(&double).is_err());
@@ -276,7 +276,7 @@ fn structs_have_the_same_layout_in_rust_and_in_the_shaders() {
         flags,
         interval_count,
         pivot,
-        unused,
+        cell_count,
         zero,
     );
     for stage in stages().filter(|stage| !matches!(stage, Stage::DecodeVq(_) | Stage::Present | Stage::SplitSlice)) {
@@ -557,6 +557,11 @@ fn frames_without_surfaces_have_none_of_their_code() {
     assert!(is_empty(walk(Inside::Volume), "medium_ray") && !is_empty(walk(Inside::Surfaces), "medium_ray"));
     let reads_cells = |inside| has(walk(inside), "number_behind_vertices(cell)");
     assert_eq!(Inside::ALL.map(reads_cells), [false, false, true]);
+    // With a joint table, the values of its rows too; and fragments have none.
+    let joint = Stage::FaceResolve(Gathering::Joint, Inside::Cells, Precision::Single);
+    let of_rows = "params.cell_count + 7u) / 8u * 8u + cell)";
+    assert!(has(joint, of_rows) && !has(walk(Inside::Cells), of_rows));
+    assert!(has(joint, &format!("FRAGMENT_PAIRS: u32 = {}u;", layout::FRAGMENT_BYTES / 8)));
 }
 
 #[test]

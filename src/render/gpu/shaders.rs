@@ -51,14 +51,22 @@ pub enum Toward {
 pub enum FragmentKind {
     /// Depth, scalar, cells.
     Plain,
-    /// As `Plain`, and the value at vertices, for a joint table.
+    /// As `Plain`, and the value at vertices, for a joint table over these.
     Joint,
 }
 
 impl FragmentKind {
     /// The kind of a job's fragments.
     pub fn of(job: &RenderJob) -> Self {
-        if job.joint.is_some() { Self::Joint } else { Self::Plain }
+        Self::integrated(Gathering::of(job), Inside::of(job))
+    }
+
+    /// The kind of fragments that are integrated so. Values of cells are none of their faces'.
+    fn integrated(how: Gathering, inside: Inside) -> Self {
+        match (how, inside) {
+            (Gathering::Joint, Inside::Volume | Inside::Surfaces) => Self::Joint,
+            (Gathering::Joint, Inside::Cells) | (Gathering::Scalar(_), _) => Self::Plain,
+        }
     }
 
     /// Bytes of a fragment.
@@ -82,9 +90,9 @@ pub enum Inside {
 }
 
 impl Inside {
-    /// All of them, where the transfer function is of the scalar alone.
+    /// All of them.
     pub const ALL: [Self; 3] = [Self::Volume, Self::Surfaces, Self::Cells];
-    /// Those that there are with a joint table.
+    /// Those that fragments are stored for.
     pub const OF_VERTICES: [Self; 2] = [Self::Volume, Self::Surfaces];
 
     /// What rays of a job meet.
@@ -132,14 +140,6 @@ impl Gathering {
         Self::Joint,
     ];
 
-    /// What there may be inside cells.
-    fn insides(self) -> &'static [Inside] {
-        match self {
-            Self::Scalar(_) => &Inside::ALL,
-            Self::Joint => &Inside::OF_VERTICES,
-        }
-    }
-
     /// How segments of a job are integrated.
     pub fn of(job: &RenderJob) -> Self {
         if job.joint.is_some() { Self::Joint } else { Self::Scalar(job.optics) }
@@ -152,14 +152,6 @@ impl Gathering {
             Self::Scalar(OpticsKind::Exact | OpticsKind::Partial) => &[TABLE],
             Self::Scalar(OpticsKind::Table3d) => &[TABLE, Binding::Read(Resource::Table3dParams)],
             Self::Joint => &[TABLE, Binding::Read(Resource::JointParams)],
-        }
-    }
-
-    /// Kind of the fragments that are integrated so.
-    fn fragments(self) -> FragmentKind {
-        match self {
-            Self::Scalar(_) => FragmentKind::Plain,
-            Self::Joint => FragmentKind::Joint,
         }
     }
 }
@@ -256,8 +248,7 @@ pub fn stages() -> impl Iterator<Item = Stage> {
         let finding = [Pass::Count].into_iter().chain(stores).flat_map(move |pass| {
             [Stage::Faces(pass, precision), Stage::FacePieces(pass, precision), Stage::FaceStarts(pass, precision)]
         });
-        let gathering =
-            Gathering::ALL.into_iter().flat_map(|how| how.insides().iter().map(move |&inside| (how, inside)));
+        let gathering = Gathering::ALL.into_iter().flat_map(|how| Inside::ALL.map(|inside| (how, inside)));
         finding.chain(gathering.flat_map(move |(how, inside)| {
             [
                 Stage::Walk(how, inside, precision),
@@ -439,7 +430,7 @@ impl Stage {
             | Self::FacePieces(Pass::Store(kind, _), _)
             | Self::FaceStarts(Pass::Store(kind, _), _)
             | Self::FaceSort(kind) => kind,
-            Self::FaceResolve(how, ..) => how.fragments(),
+            Self::FaceResolve(how, inside, _) => FragmentKind::integrated(how, inside),
             _ => FragmentKind::Plain,
         };
         let RecordSplit { parts, shift } = split;
@@ -509,7 +500,8 @@ fn gathering(how: Gathering, inside: Inside, precision: Precision) -> Vec<&'stat
     };
     let surfaces = match (inside, how) {
         (Inside::Volume, _) => &[lib::NO_SURFACES][..],
-        (Inside::Cells, _) => &[lib::CELL_SCALARS],
+        (Inside::Cells, Gathering::Scalar(_)) => &[lib::CELL_SCALARS],
+        (Inside::Cells, Gathering::Joint) => &[lib::CELL_JOINT],
         (Inside::Surfaces, Gathering::Scalar(_)) => &[lib::SURFACES, lib::NO_JOINT_PARTS],
         (Inside::Surfaces, Gathering::Joint) => &[lib::SURFACES, lib::JOINT_PARTS],
     };
@@ -519,7 +511,7 @@ fn gathering(how: Gathering, inside: Inside, precision: Precision) -> Vec<&'stat
 
 /// Parts of the stages that walk along rays.
 fn walking(how: Gathering, inside: Inside, precision: Precision) -> Vec<&'static str> {
-    let values = match (how.fragments(), inside) {
+    let values = match (FragmentKind::integrated(how, inside), inside) {
         (FragmentKind::Plain, Inside::Volume) => &[lib::NO_VERTEX_VALUES][..],
         (FragmentKind::Plain, Inside::Surfaces | Inside::Cells) => &[lib::NO_VERTEX_VALUES, lib::BEHIND_VERTICES],
         (FragmentKind::Joint, _) => &[lib::VERTEX_VALUES, lib::BEHIND_VERTICES],

@@ -1,6 +1,6 @@
 //! The parts of a job in the GPU's memory that both renderers have, each sent only when it changes.
 
-use super::buffers::{GpuScalars, GrowingBuffer, VertexBuffers};
+use super::buffers::{GpuScalars, GrowingBuffer, NUMBERS_PER_VERTEX, VertexBuffers};
 use super::context::Context;
 use super::layout::{Params, flags};
 use super::pipelines::Pipelines;
@@ -63,21 +63,23 @@ impl SharedScene {
     ) -> Result<(), RenderError> {
         (self.made, self.bytes_sent) = (self.params.reserve(context, size_of::<Params>() as u64)?, 0);
         let vertices = self.vertices.upload(context, &job.mesh)?;
-        if vertices.0 {
+        let made = self.vertices.reserve_scalars(context, job.scalars.values().len())?;
+        if vertices.0 || made {
             self.scalars.forget();
         }
-        self.note(vertices);
+        self.note((vertices.0 || made, vertices.1));
         let (prescale, sent) = self.scalars.scalars_to_gpu(context, job, &self.vertices.scalars)?;
         self.bytes_sent += sent;
         let map = scalar_map(job, prescale, self.scalars.largest());
         let (gradients, has_volume) = (VertexBuffers::first_gradient(job) as u32, !self.table.is_transparent(job));
         let uploaded = [
-            self.vertices.upload_values(context, job, map)?,
+            self.vertices.upload_values(context, job)?,
             self.table.update(context, job, map, params)?,
             self.surfaces.update(context, job, map, gradients, has_volume)?,
         ];
         uploaded.into_iter().for_each(|uploaded| self.note(uploaded));
         params.vertex_count = job.mesh.positions.local.len() as u32;
+        params.cell_count = job.scalars.of_cells().map_or(0, |scalars| scalars.len() as u32);
         if job.skip.opaque {
             params.flags |= flags::EARLY_TERMINATION;
         }
@@ -144,7 +146,8 @@ impl SharedScene {
             decoder.record(context, &mut target.pass(encoder, "decode", Some(6)))?;
         }
         let mut pass = target.pass(encoder, "view transform", Some(0));
-        pipelines.dispatch(context, Stage::ViewTransform, params.vertex_count.div_ceil(256), &mut pass)
+        let threads = params.vertex_count + params.cell_count.div_ceil(NUMBERS_PER_VERTEX as u32);
+        pipelines.dispatch(context, Stage::ViewTransform, threads.div_ceil(256), &mut pass)
     }
 
     /// Submits what [`Self::record`] has recorded, and what follows it.

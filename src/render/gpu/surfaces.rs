@@ -23,7 +23,8 @@ const EXPONENT_WITHOUT_VOLUME: i32 = 60;
 /// The map's range includes the isovalues: scalars near them differ by less than themselves from the offset, if there is one, so that
 /// the difference is exact, and a scalar below an isovalue is mapped below it. (Denormal numbers among much larger ones count as 0.)
 pub(super) fn scalar_map(job: &RenderJob, prescale: f64, largest: f32) -> ScalarMap {
-    let of_table = ScalarMap::of_table(&job.table, prescale);
+    let of_cells = job.scalars.of_cells().is_some();
+    let of_table = ScalarMap { of_cells, ..ScalarMap::of_table(&job.table, prescale) };
     let sheets = job.surfaces.as_ref().map_or(&[][..], SurfaceScene::sheets);
     let ([first, ..], [.., last]) = (sheets, sheets) else { return of_table };
     let nodes = job.table.nodes();
@@ -35,13 +36,6 @@ pub(super) fn scalar_map(job: &RenderJob, prescale: f64, largest: f32) -> Scalar
     let reach = f64::from(largest) * prescale + map.offset.abs();
     let exponent = if reach > 0.0 { EXPONENT_WITHOUT_VOLUME - reach.log2().ceil() as i32 } else { 0 };
     ScalarMap { scale: 2f64.powi(exponent.clamp(-100, 100)), ..map }
-}
-
-/// The least mapped scalar that counts as above an isovalue, as shaders see scalars.
-fn threshold(isovalue: f64, map: ScalarMap) -> f32 {
-    let nearest = isovalue as f32;
-    let least = if f64::from(nearest) < isovalue { nearest.next_up() } else { nearest };
-    map.seen(least)
 }
 
 /// The buffer of a frame's sheets, and its contents.
@@ -98,7 +92,7 @@ fn params(scene: &SurfaceScene, job: &RenderJob, map: ScalarMap) -> SurfaceParam
     for (params, sheet) in params.sheets.iter_mut().zip(scene.sheets()) {
         let Sheet { value, front, back, opacity, .. } = *sheet;
         let color = |[r, g, b]: [f64; 3], last: f32| [r as f32, g as f32, b as f32, last];
-        *params = SheetParams { front: color(front, threshold(value, map)), back: color(back, opacity as f32) };
+        *params = SheetParams { front: color(front, map.threshold(value)), back: color(back, opacity as f32) };
     }
     params
 }
@@ -188,7 +182,7 @@ mod tests {
                     let near = [near.next_down().next_down(), near.next_down(), near, near.next_up()];
                     let scalars = near.into_iter().chain([0.0, largest, -largest]);
                     for scalar in scalars.filter(|s| s.abs() <= largest && (s.is_normal() || *s == 0.0)) {
-                        let is_above = seen(scalar, map) >= threshold(isovalue, map);
+                        let is_above = seen(scalar, map) >= map.threshold(isovalue);
                         assert_eq!(is_above, f64::from(scalar) >= isovalue, "{scalar:e} of {isovalue:e}: {map:?}");
                     }
                 }
@@ -203,7 +197,7 @@ mod tests {
         let map = scalar_map(&job(&[0.7, 0.7], [0.0, 1.0], 1.0), 1.0, 1.0);
         let below = 0.7f64 as f32;
         assert!(f64::from(below) < 0.7 && seen(below, map) >= map.apply(0.7) as f32);
-        assert!(seen(below, map) < threshold(0.7, map));
+        assert!(seen(below, map) < map.threshold(0.7));
     }
 
     #[test]
@@ -213,7 +207,7 @@ mod tests {
         let map = scalar_map(&job(&[isovalue; 2], [0.0, 1.0], 0.0), prescale, 1e-41);
         for bits in (isovalue as f32).to_bits() - 2..(isovalue as f32).to_bits() + 3 {
             let scalar = f32::from_bits(bits);
-            assert_eq!(seen(scalar, map) >= threshold(isovalue, map), f64::from(scalar) >= isovalue);
+            assert_eq!(seen(scalar, map) >= map.threshold(isovalue), f64::from(scalar) >= isovalue);
         }
     }
 }

@@ -5,7 +5,9 @@ use super::surfaces::{OUTSIDE, alone, compare_depths, planes, shading, slivers, 
 use super::*;
 use crate::meshes::{build, grid, noise, sample};
 use tetreel::field::Scalars;
+use tetreel::node_table::JointTable;
 use tetreel::optics::OpticsKind;
+use tetreel::render::JointScene;
 use tetreel::render::surfaces::{Cut, FieldBeside, Normals, SurfaceScene, SurfaceShading, cut_planes};
 use tetreel::visibility::{CellSet, Skip};
 
@@ -41,7 +43,7 @@ fn patchwork(job: &RenderJob) -> RenderJob {
 }
 
 /// Eyes outside and inside, in both projections, holes, slivers.
-fn scenes() -> Vec<(&'static str, RenderJob)> {
+pub fn scenes() -> Vec<(&'static str, RenderJob)> {
     let eye = DVec3::new(-0.31, -0.22, -0.17);
     vec![
         ("outside", patchwork(&with_holes((61, 47), OUTSIDE, PERSPECTIVE))),
@@ -72,9 +74,7 @@ fn changed(job: &RenderJob) -> RenderJob {
 fn assert_drawn(name: &str, job: &RenderJob) {
     let judge = planes("reference", job);
     assert!(judge.color.pixels.iter().any(|p| p[3] > 0.1), "{name}: an empty image proves nothing");
-    // The GPU leaves joint tables over scalars of cells to the CPU.
-    let paths = if job.joint.is_some() { PATHS.to_vec() } else { paths() };
-    for path in paths {
+    for path in paths() {
         let found = planes(path, job);
         let (rmse, max) = difference(&found.color, &judge.color);
         eprintln!("{name}, {path}: rmse {rmse:.1e}, max {max:.1e}");
@@ -228,16 +228,84 @@ fn isosurfaces_of_vertices_have_the_colours_of_a_field_of_cells() {
     }
 }
 
+/// Values of cells, none like its neighbour's.
+fn noise_of_cells(job: &RenderJob, seed: u64) -> Vec<f32> {
+    (0..job.mesh.topology.tets.len() as u64).map(|cell| 0.6 * noise(seed, cell) as f32).collect()
+}
+
+/// The job with a joint table whose rows, if it has any, and layers are of values of cells.
+pub fn with_rows_of_cells(
+    job: &RenderJob,
+    table: JointTable,
+    rows: Option<Vec<f32>>,
+    cells: Option<Vec<f32>>,
+) -> RenderJob {
+    let mut job = with_joint_table(job, table, None, cells);
+    job.joint.iter_mut().for_each(|scene| scene.row_values = rows.clone().map(|rows| Scalars::Cells(Arc::new(rows))));
+    job
+}
+
+/// Two-dimensional and three-dimensional jobs of scalars of cells.
+pub fn joint_jobs(base: &RenderJob) -> [(&'static str, RenderJob); 3] {
+    let [rows, cells] = [9, 8].map(|seed| Some(noise_of_cells(base, seed)));
+    [
+        ("layers", with_rows_of_cells(base, noisy(&SCALARS, &[0.0], &LAYERS, 1), None, cells.clone())),
+        ("rows", with_rows_of_cells(base, noisy(&SCALARS, &ROWS, &[0.0], 2), rows.clone(), None)),
+        ("both", with_rows_of_cells(base, noisy(&SCALARS, &ROWS, &LAYERS, 3), rows, cells)),
+    ]
+}
+
 #[test]
 fn joint_tables_take_values_of_cells_beside_scalars_of_cells() {
     for (name, base) in scenes().into_iter().filter(|(name, _)| *name != "slivers") {
-        let cells = base.mesh.topology.tets.len();
-        let values = |seed: u64| (0..cells as u64).map(|c| 0.6 * noise(seed, c) as f32).collect::<Vec<f32>>();
-        let mut job = with_joint_table(&base, noisy(&SCALARS, &ROWS, &LAYERS, 3), None, Some(values(8)));
-        if let Some(scene) = &mut job.joint {
-            scene.row_values = Some(Scalars::Cells(Arc::new(values(9))));
+        for (what, job) in joint_jobs(&base) {
+            assert_drawn(&format!("{name}, joint, {what}"), &job);
+            // Another value of the rows, and of the layers, is noticed as well.
+            let scene = job.joint.clone().unwrap();
+            let others = [
+                JointScene { row_values: scene.row_values.as_ref().map(|_| row_values(&base, 19)), ..scene.clone() },
+                JointScene {
+                    cell_values: scene.cell_values.as_ref().map(|_| Arc::new(noise_of_cells(&base, 18))),
+                    ..scene.clone()
+                },
+            ];
+            let judge = planes("reference", &job).color;
+            for (other, differs) in others.into_iter().zip([scene.row_values.is_some(), scene.cell_values.is_some()]) {
+                let other = RenderJob { joint: Some(other), ..job.clone() };
+                for path in paths().into_iter().filter(|_| differs) {
+                    assert_noticed(&format!("{name}, {what}, {path}"), &planes(path, &other).color, &judge);
+                }
+            }
         }
-        assert_drawn(&format!("{name}, joint"), &job);
+    }
+}
+
+fn row_values(job: &RenderJob, seed: u64) -> Scalars {
+    Scalars::Cells(Arc::new(noise_of_cells(job, seed)))
+}
+
+#[test]
+fn scalars_next_to_a_step_have_the_side_that_the_judge_gives_them() {
+    let (_, base) = scenes().swap_remove(0);
+    // The nearest f32 to 0.7 is below it, that to 0.1 above.
+    for step in [0.7, 0.1, 300.7] {
+        let at = step as f32;
+        let [thick, thin] = [[1.0, 0.2, 0.1, 2.0], [0.1, 0.3, 1.0, 0.1]];
+        let joint = JointTable::new(vec![step; 2], vec![0.0], vec![0.0], vec![thick, thin]).unwrap();
+        let of = |near: [f32; 2]| of_cells(&base, |cell, _| f64::from(near[cell % 2]));
+        let plain = |job: RenderJob| RenderJob { table: joint.projection().clone(), ..job };
+        let kinds: [(&str, &dyn Fn(RenderJob) -> RenderJob); 2] =
+            [("scalars", &plain), ("joint", &|job| with_rows_of_cells(&job, joint.clone(), None, None))];
+        for (what, kind) in kinds {
+            let [below, above] = [[at.next_down(), at], [at, at.next_up()]].map(|near| kind(of(near)));
+            for job in [&below, &above] {
+                let judge = planes("reference", job).color;
+                for path in paths() {
+                    assert_within(&format!("{what} at {step}, {path}"), &planes(path, job).color, &judge);
+                }
+            }
+            assert_noticed(what, &planes("reference", &below).color, &planes("reference", &above).color);
+        }
     }
 }
 

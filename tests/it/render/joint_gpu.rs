@@ -1,5 +1,6 @@
 //! Transfer functions of more than the scalar on the GPU, against the reference and the CPU.
 
+use super::cells;
 use super::gpu::{context, own_context, render as walked};
 use super::havs::gpu::render as drawn;
 use super::havs::{havs, with_all_faces, with_buffer, with_some_faces};
@@ -10,7 +11,7 @@ use tetreel::node_table::JointTable;
 use tetreel::optics::OpticsKind;
 use tetreel::render::gpu::context::{ContextOptions, Tier};
 use tetreel::render::gpu::havs::Havs as GpuHavs;
-use tetreel::render::gpu::layout::JOINT_FRAGMENT_BYTES;
+use tetreel::render::gpu::layout::{FRAGMENT_BYTES, JOINT_FRAGMENT_BYTES};
 use tetreel::render::gpu::raycast::Raycast as GpuRaycast;
 use tetreel::render::{Frame, JointScene, RenderError};
 use tetreel::visibility::Skip;
@@ -338,4 +339,65 @@ fn a_steady_frame_makes_and_sends_nothing_anew() {
     let sent = renderer.render(other.clone()).unwrap().stats.bytes_uploaded;
     assert!(sent > 0 && sent < 16 * 400, "{sent} of {first} bytes");
     assert_within("another table", &renderer.render(other.clone()).unwrap().planes.color, &reference(&other));
+}
+
+#[test]
+fn some_faces_small_buffers_and_bands_draw_scalars_of_cells_as_the_cpu_does() {
+    let Some(context) = context() else { return };
+    let (_, base) = cells::scenes().swap_remove(0);
+    for (name, job) in cells::joint_jobs(&base) {
+        for (what, job) in [
+            ("some faces", with_some_faces(&job, 0.4, 1)),
+            ("k of 2", with_buffer(&with_all_faces(&job), 2, false)),
+            ("some faces, k of 4", with_buffer(&with_some_faces(&job, 0.4, 2), 4, false)),
+        ] {
+            let (gpu, cpu) = (drawn(&job).unwrap(), havs(&job));
+            assert_within(&format!("{name}, {what}"), &gpu.planes.color, &cpu.planes.color);
+        }
+        let all = with_all_faces(&job);
+        assert_noticed(name, &drawn(&with_some_faces(&job, 0.4, 1)).unwrap().planes.color, &havs(&all).planes.color);
+        let mut banded = GpuHavs::with_fragment_bytes(context.clone(), 4_000 * FRAGMENT_BYTES);
+        let frame = banded.render(all.clone()).unwrap().clone();
+        assert!(banded.band_count() > 3 && frame.planes == drawn(&all).unwrap().planes, "{name}");
+    }
+}
+
+#[test]
+fn scalars_and_rows_of_cells_are_sent_when_they_change_and_stay_when_the_job_does_not() {
+    let web = ContextOptions { tier: Tier::WebGpu, ..ContextOptions::default() };
+    let Some(context) = own_context(&web) else { return };
+    let (_, base) = cells::scenes().swap_remove(0);
+    let [_, (_, of_rows), (_, of_both)] = cells::joint_jobs(&base).map(|(name, job)| {
+        let skip = Skip::NONE;
+        (name, RenderJob { skip, ..job })
+    });
+    let (_, of_vertices) = jobs(4, PERSPECTIVE).pop().unwrap();
+    let plain = RenderJob { skip: Skip::NONE, ..base.clone() };
+    let mut renderer = GpuRaycast::new(context.clone());
+    // From scalars, rows and gradients of one kind to those of another and back, all in the same places.
+    for (name, job) in [
+        ("rows", &of_rows),
+        ("plain", &plain),
+        ("both", &of_both),
+        ("vertices", &of_vertices),
+        ("plain again", &plain),
+        ("rows again", &of_rows),
+    ] {
+        let frame = renderer.render(job.clone()).unwrap().clone();
+        assert_within(name, &frame.planes.color, &reference(job));
+        let made = context.resources_created();
+        let again = renderer.render(job.clone()).unwrap();
+        assert_eq!((context.resources_created(), again.stats.bytes_uploaded), (made, 0), "{name}");
+        assert!(again.planes == frame.planes, "{name}");
+    }
+    // Rows stay while a step without a joint table is shown; another map sends no scalars.
+    renderer.render(plain.clone()).unwrap();
+    let table = 16 * 400;
+    let sent = renderer.render(of_rows.clone()).unwrap().stats.bytes_uploaded;
+    assert!(sent > 0 && sent < table, "{sent} bytes");
+    let wide = table_of(&[-9.0, 9.0], &[0.0], &[0.0], |_, _, _| [0.9, 0.4, 0.1, 0.2]);
+    let wide = RenderJob { table: wide.projection().clone(), ..plain };
+    let sent = renderer.render(wide.clone()).unwrap().stats.bytes_uploaded;
+    assert!(sent > 0 && sent < table, "{sent} bytes");
+    assert_within("another map", &renderer.render(wide.clone()).unwrap().planes.color, &reference(&wide));
 }

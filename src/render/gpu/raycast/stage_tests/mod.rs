@@ -94,6 +94,8 @@ struct Prepared {
     params: Params,
     /// Plane and depth of each vertex, as `ViewVertex` in `shaders/lib/frame.wgsl`.
     vertices: Vec<[f32; 8]>,
+    /// The numbers behind them.
+    behind: Vec<f32>,
     /// Ends of the tiles' lists, their sum, the lists.
     bins: Vec<u32>,
 }
@@ -104,9 +106,11 @@ fn prepare(context: &Arc<Context>, job: &RenderJob) -> Prepared {
     let active = layer.begin(job.clone(), &mut Frame::default()).unwrap().unwrap();
     let words = |buffer: &wgpu::Buffer| read_back(context, buffer);
     let vertices = words(layer.scene.shared.vertices.vertices.get(context).unwrap());
-    let vertices = bytemuck::cast_slice::<_, [f32; 8]>(&vertices)[..job.mesh.positions.local.len()].to_vec();
+    let (vertices, behind) = vertices.split_at(8 * job.mesh.positions.local.len());
+    let vertices = bytemuck::cast_slice::<_, [f32; 8]>(vertices).to_vec();
+    let behind = bytemuck::cast_slice(behind).to_vec();
     let bins = words(layer.scene.bins.get(context).unwrap());
-    Prepared { params: active.params, vertices, bins }
+    Prepared { params: active.params, vertices, behind, bins }
 }
 
 pub(in crate::render::gpu) fn read_back(context: &Context, buffer: &wgpu::Buffer) -> Vec<u32> {

@@ -1,6 +1,10 @@
 //! View coordinates against f64.
 
 use super::*;
+use crate::field::Scalars;
+use crate::node_table::JointTable;
+use crate::optics::ScalarMap;
+use crate::render::JointScene;
 use crate::render::gpu::layout::{PLANE_SCALE, depth_of};
 
 /// Error of a view coordinate, relative to the distances of vertex and mesh from the eye (D) and of the eye from the local
@@ -110,5 +114,49 @@ fn scalars_are_seen_through_their_map() {
         assert!(largest_scalar_error(&vertices, &other, &sent) > bound);
         // The map keeps what the table can tell apart near 1.
         assert!(vertices.iter().all(|v| v[7].abs() < 8.0));
+    }
+}
+
+#[test]
+fn scalars_of_cells_are_seen_through_their_map_and_followed_by_the_values_of_rows() {
+    let Some(context) = context() else { return };
+    // Both numbers of cells leave a part of the last vertex's space.
+    for missing in [0, 5] {
+        let mesh = mesh(1, missing, DVec3::ZERO);
+        let cells = mesh.topology.tets.len();
+        let base = job(&mesh, &cameras(DVec3::ZERO)[0].1, (40, 30));
+        let of_cell = |seed: f32| (0..cells).map(|cell| (seed * cell as f32).sin()).collect::<Vec<f32>>();
+        let table = |scalar: f64| {
+            let values = vec![[1.0, 0.5, 0.2, 1.0]; 4];
+            Arc::new(JointTable::new(vec![scalar, scalar + 0.5], vec![0.0, 3.0], vec![0.0], values).unwrap())
+        };
+        // Far from zero scalars have an offset.
+        for (scalar, rows) in [(-0.2, true), (-0.2, false), (300.0, true)] {
+            let scalars: Vec<f32> = of_cell(0.3).iter().map(|s| s + scalar as f32).collect();
+            let (table, row_values) = (table(scalar), of_cell(0.7));
+            let joint = rows.then(|| JointScene {
+                table: table.clone(),
+                row_values: Some(Scalars::Cells(Arc::new(row_values.clone()))),
+                cell_values: None,
+            });
+            let (scalars, table) = (Scalars::Cells(Arc::new(scalars)), table.projection().clone());
+            let job = RenderJob { scalars: scalars.clone(), joint, table, ..base.clone() };
+            let Prepared { params, behind, .. } = prepare(&context, &job);
+            assert_eq!((params.cell_count as usize, params.scalar_offset != 0.0), (cells, scalar != -0.2));
+            let map = ScalarMap {
+                prescale: 1.0,
+                offset: f64::from(params.scalar_offset),
+                scale: f64::from(params.scalar_scale),
+                of_cells: true,
+            };
+            let seen = |map: ScalarMap| scalars.values().iter().map(|&s| map.seen(s).to_bits()).collect::<Vec<_>>();
+            let bits = |numbers: &[f32]| numbers.iter().map(|number| number.to_bits()).collect::<Vec<_>>();
+            assert!(bits(&behind[..cells]) == seen(map), "{missing} {scalar}");
+            assert!(bits(&behind[..cells]) != seen(ScalarMap { offset: map.offset + 0.01, ..map }));
+            if rows {
+                let of_rows: Vec<f32> = row_values.iter().map(|&value| value / 4.0).collect();
+                assert!(bits(&behind[cells.next_multiple_of(8)..][..cells]) == bits(&of_rows), "{missing} {scalar}");
+            }
+        }
     }
 }
