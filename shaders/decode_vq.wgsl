@@ -7,7 +7,8 @@
 
 // Offsets into `block`, in words.
 struct VqStep {
-    vertex_count: u32,
+    // Vertices or cells.
+    count: u32,
     // The step's rows of the two codebooks.
     row_8: u32,
     row_64: u32,
@@ -43,10 +44,11 @@ fn power(e: i32) -> f32 {
 
 @compute @workgroup_size(256)
 fn decode_vq(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let v = id.x + id.y * groups.x * 256u;
-    if v >= step.vertex_count {
+    let i = id.x + id.y * groups.x * 256u;
+    if i >= step.count {
         return;
     }
+    let v = value_of(i);
     let from_8 = bitcast<f32>(block[step.row_8 + index_at(step.first, v)]);
     let from_64 = bitcast<f32>(block[step.row_64 + index_at(step.second, v)]);
     var difference = from_8 + from_64;
@@ -58,5 +60,5 @@ fn decode_vq(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgrou
     }
     // Hidden from the compiler, which could add the mean before.
     difference = bitcast<f32>(bitcast<u32>(difference) ^ step.zero);
-    scalars[v] = at_moment(v, bitcast<f32>(block[step.means + v]) + difference);
+    scalars[i] = at_moment(i, bitcast<f32>(block[step.means + v]) + difference);
 }

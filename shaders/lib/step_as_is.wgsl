@@ -1,5 +1,5 @@
 // Scalars of a step, not mixed with another's. Twin: step_mixed.wgsl.
 
-fn at_moment(v: u32, value: f32) -> f32 {
+fn at_moment(i: u32, value: f32) -> f32 {
     return value;
 }

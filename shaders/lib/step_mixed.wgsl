@@ -10,7 +10,7 @@ fn whole(parts: vec3<f32>) -> f64 {
     return (f64(parts.x) + f64(parts.y)) + f64(parts.z);
 }
 
-fn at_moment(v: u32, value: f32) -> f32 {
-    let before = opaque_double(f64(scalars[v]) * whole(step.weight_before));
+fn at_moment(i: u32, value: f32) -> f32 {
+    let before = opaque_double(f64(scalars[i]) * whole(step.weight_before));
     return f32(before + opaque_double(f64(value) * whole(step.weight)));
 }

@@ -63,6 +63,11 @@ impl SourceCells {
         self.first.is_none()
     }
 
+    /// For each cell of the mesh the source's cell that it is a part of; `None` if all are whole ones.
+    pub fn of_parts(&self) -> Option<&[u32]> {
+        self.first.as_ref().map(|_| &self.of_cell[..])
+    }
+
     /// The cell of the mesh that is the first part of each.
     pub fn firsts(&self) -> impl Iterator<Item = u32> {
         let all = if self.first.is_none() { 0..self.cells as u32 } else { 0..0 };
@@ -117,6 +122,7 @@ mod tests {
     fn cells_of_the_source_are_numbered_by_their_first_part_and_give_it_their_value() {
         let cells = SourceCells::of(&[7, 2, 7, 0, 2, 2]);
         assert_eq!((cells.len(), cells.are_whole(), cells.firsts().collect::<Vec<_>>()), (3, false, vec![0, 1, 3]));
+        assert_eq!(cells.of_parts(), Some(&[0, 1, 0, 2, 1, 1][..]));
         let mut out = [0.0; 6];
         cells.expand(&[70.0, 20.0, 1.0], &mut out);
         assert_eq!(out, [70.0, 20.0, 70.0, 1.0, 20.0, 20.0]);
@@ -132,6 +138,7 @@ mod tests {
         let whole = SourceCells::of(&[5, 0, 3]);
         assert_eq!(whole.needed_chunks(2, &[false, true]), [false, true]);
         assert_eq!((whole.len(), whole.are_whole(), whole.firsts().collect::<Vec<_>>()), (3, true, vec![0, 1, 2]));
+        assert_eq!(whole.of_parts(), None);
         whole.expand(&[1.0, 2.0, 3.0], &mut out[..3]);
         assert_eq!(out[..3], [1.0, 2.0, 3.0]);
         assert!(SourceCells::of(&[]).is_empty());

@@ -240,7 +240,8 @@ impl Series {
                 Some((next, weight))
             }
         };
-        Ok(of(time.step())?.map(|step| CompressedScalars { step, toward }))
+        let source_cells = self.source.reader().and_then(FieldReader::source_cells).cloned();
+        Ok(of(time.step())?.map(|step| CompressedScalars { step, toward, source_cells }))
     }
 
     /// Number of scalars of a step.

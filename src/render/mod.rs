@@ -26,7 +26,7 @@ use crate::camera::{Samples, View};
 use crate::codec::vq::VqBlock;
 use crate::field::Scalars;
 pub use crate::image::Planes;
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, SourceCells};
 use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
 use crate::stats::FrameStats;
@@ -145,12 +145,26 @@ pub struct CompressedScalars {
     pub step: CompressedStep,
     /// The second step and its weight, in (0, 1). Both decoded values are weighted and added in f64, then rounded to f32.
     pub toward: Option<(CompressedStep, f64)>,
+    /// The cells that have the values of the blocks, if several cells of the mesh are parts of one; else the mesh's vertices or cells have
+    /// them.
+    pub source_cells: Option<Arc<SourceCells>>,
 }
 
 impl CompressedScalars {
     /// The step, or both.
     pub fn steps(&self) -> impl Iterator<Item = &CompressedStep> + Clone {
         [&self.step].into_iter().chain(self.toward.iter().map(|(step, _)| step))
+    }
+
+    /// Whether they are as many as `scalars`.
+    pub fn fit(&self, scalars: &Scalars) -> bool {
+        let count = scalars.values().len();
+        let values = match (&self.source_cells, scalars) {
+            (None, _) => Some(count),
+            (Some(cells), Scalars::Cells(_)) => (cells.cells() == count).then_some(cells.len()),
+            (Some(_), Scalars::Vertices(_)) => None,
+        };
+        values.is_some_and(|values| self.steps().all(|step| step.block.means().len() == values))
     }
 }
 

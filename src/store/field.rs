@@ -357,13 +357,18 @@ impl FieldReader {
         step < self.series.steps && self.keys(step).all(|key| cache.is_resident(key))
     }
 
-    /// The compressed block of codec `vq` that `step` is in, for a GPU decoder; `None` for other codecs, and for values of cells.
+    /// The source's cells, whose values the store has, if several cells of the mesh are parts of one; `None` for values of vertices.
+    pub fn source_cells(&self) -> Option<&Arc<SourceCells>> {
+        self.series.parts.as_ref()
+    }
+
+    /// The compressed block of codec `vq` that `step` is in, for a GPU decoder; `None` for other codecs. Its values are of vertices, of
+    /// cells, or of the [cells of the source](Self::source_cells).
     ///
     /// # Errors
     /// As [`FieldReader::decode_step`].
     pub fn vq_block(&self, step: usize) -> FileResult<Option<Arc<VqBlock>>> {
-        let of_vertices = self.own_decoder().filter(|_| self.info.values_of == Association::Point);
-        of_vertices.map_or(Ok(None), |decoder| decoder.vq_block(step))
+        self.own_decoder().map_or(Ok(None), |decoder| decoder.vq_block(step))
     }
 
     /// Mean and variance over time of every value of a step; `None` if the store has none of this version.

@@ -7,7 +7,7 @@ use super::layout::VIEW_VERTEX_BYTES;
 use super::resources::{Kind, Resource};
 use crate::mesh::Mesh;
 use crate::render::surfaces::SurfaceScene;
-use crate::render::{CompressedScalars, RenderError, RenderJob};
+use crate::render::{RenderError, RenderJob};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::{Arc, Weak};
@@ -307,10 +307,9 @@ impl GpuScalars {
             .fold((0f32, true), |(largest, all), &s| (largest.max(finite(s).abs()), all && s.is_finite()));
         self.largest = largest;
         self.prescale = if largest < SMALL { PRESCALE } else { 1.0 };
-        let fits = |c: &&CompressedScalars| c.steps().all(|step| step.block.means().len() == scalars.len());
-        let compressed = job.compressed.as_ref().filter(fits).filter(|_| self.prescale == 1.0);
+        let compressed = job.compressed.as_ref().filter(|c| c.fit(&job.scalars) && self.prescale == 1.0);
         if let Some(compressed) = compressed
-            && let Some(sent) = self.decoder.prepare(context, compressed, buffer)?
+            && let Some(sent) = self.decoder.prepare(context, compressed, scalars.len(), buffer)?
         {
             self.of = Arc::downgrade(scalars);
             return Ok((1.0, sent));

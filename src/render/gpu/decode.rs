@@ -2,14 +2,18 @@
 //!
 //! A mixture is decoded in two passes: the first leaves the values of one step, the second mixes those of the other into them. It needs
 //! f64, in which the CPU mixes, and has the CPU's bits as steps do, unless a GPU takes denormal numbers for 0.
+//!
+//! Fields of cells may have a value for each cell of the source, of which cells of the mesh are parts: a thread is a cell of the mesh then,
+//! and looks up the cell that it is a part of.
 
 use super::buffers::GrowingBuffer;
 use super::context::Context;
 use super::layout::VqStep;
 use super::pipelines::{NO_RECORDS, Pipelines};
 use super::resources::Resource;
-use super::shaders::{Moment, Stage};
+use super::shaders::{Moment, Stage, Valued};
 use crate::codec::vq::{GROUPS, Indices, VqBlock, group_of_step};
+use crate::mesh::SourceCells;
 use crate::render::{CompressedScalars, CompressedStep, RenderError};
 use bytemuck::bytes_of;
 use std::sync::{Arc, Weak};
@@ -17,6 +21,7 @@ use std::sync::{Arc, Weak};
 /// Decodes the steps of two blocks, which stay in the GPU's memory; the second one only if a mixture has needed both.
 pub(super) struct BlockDecoder {
     blocks: [BlockBuffer; 2],
+    cells: CellsBuffer,
     /// Decode a step, and mix a second one into it.
     passes: [StepPass; 2],
     /// Number of passes that the next frame needs.
@@ -70,30 +75,56 @@ impl BlockBuffer {
     }
 }
 
-/// A pass over the vertices.
+/// For each cell of a mesh the source's cell that it is a part of.
+struct CellsBuffer {
+    of: Weak<SourceCells>,
+    buffer: GrowingBuffer,
+}
+
+impl CellsBuffer {
+    fn new() -> Self {
+        Self { of: Weak::new(), buffer: GrowingBuffer::new(Resource::SourceCells) }
+    }
+
+    /// Sends the cells unless they are there. Returns the bytes sent.
+    fn update(&mut self, context: &Context, cells: &Arc<SourceCells>, of_parts: &[u32]) -> Result<u64, RenderError> {
+        if Weak::as_ptr(&self.of) == Arc::as_ptr(cells) {
+            return Ok(0);
+        }
+        self.of = Weak::new();
+        self.buffer.reserve(context, size_of_val(of_parts) as u64)?;
+        let sent = self.buffer.write(context, 0, bytemuck::cast_slice(of_parts))?;
+        self.of = Arc::downgrade(cells);
+        Ok(sent)
+    }
+}
+
+/// A pass over the vertices or cells.
 struct StepPass {
+    moment: Moment,
     stage: Stage,
     places: VqStep,
     params: GrowingBuffer,
     pipelines: Pipelines,
-    /// The block's buffer and that of the scalars that are bound.
-    bound: Option<[wgpu::Buffer; 2]>,
+    /// The buffers that are bound, of a block, of scalars and, if they are needed, of the source's cells.
+    bound: Vec<wgpu::Buffer>,
 }
 
 impl StepPass {
     fn new(moment: Moment) -> Self {
         Self {
-            stage: Stage::DecodeVq(moment),
+            moment,
+            stage: Stage::DecodeVq(moment, Valued::Each),
             places: VqStep::default(),
             params: GrowingBuffer::new(Resource::VqStep),
             pipelines: Pipelines::new(),
-            bound: None,
+            bound: Vec::new(),
         }
     }
 
     fn unbind(&mut self) {
         self.pipelines.unbind();
-        self.bound = None;
+        self.bound.clear();
     }
 
     /// Sends the parameters, and binds the buffers unless they are. Returns the bytes sent.
@@ -101,18 +132,20 @@ impl StepPass {
         &mut self,
         context: &Context,
         places: VqStep,
-        block: &GrowingBuffer,
-        scalars: &GrowingBuffer,
+        valued: Valued,
+        buffers: &[&GrowingBuffer],
     ) -> Result<u64, RenderError> {
+        self.stage = Stage::DecodeVq(self.moment, valued);
         self.pipelines.prepare(context, NO_RECORDS, [self.stage])?;
-        let buffers = [block.get(context)?, scalars.get(context)?].map(Clone::clone);
+        let bound = buffers.iter().map(|buffer| buffer.get(context).cloned()).collect::<Result<Vec<_>, _>>()?;
         // A reallocated buffer is unbound at once: a later failure must not leave the old one bound.
-        if self.params.reserve(context, size_of::<VqStep>() as u64)? || self.bound.as_ref() != Some(&buffers) {
+        if self.params.reserve(context, size_of::<VqStep>() as u64)? || self.bound != bound {
             self.unbind();
         }
         let sent = self.params.write(context, 0, bytes_of(&places))?;
-        self.pipelines.bind(context, &[&self.params, block, scalars], &[])?;
-        (self.places, self.bound) = (places, Some(buffers));
+        let all = [&[&self.params], buffers].concat();
+        self.pipelines.bind_those(context, |stage| stage == self.stage, &all, &[])?;
+        (self.places, self.bound) = (places, bound);
         Ok(sent)
     }
 }
@@ -126,14 +159,15 @@ impl BlockDecoder {
     pub(super) fn new() -> Self {
         Self {
             blocks: [BlockBuffer::new(), BlockBuffer::new()],
+            cells: CellsBuffer::new(),
             passes: [Moment::Step, Moment::Mixture].map(StepPass::new),
             pending: 0,
         }
     }
 
-    /// Vertices that the frame must decode first, of both steps of a mixture; 0 if none.
-    pub(super) fn pending_vertices(&self) -> u64 {
-        self.passes[..self.pending].iter().map(|pass| u64::from(pass.places.vertex_count)).sum()
+    /// Scalars that the frame must decode first, of both steps of a mixture; 0 if none.
+    pub(super) fn pending_scalars(&self) -> u64 {
+        self.passes[..self.pending].iter().map(|pass| u64::from(pass.places.count)).sum()
     }
 
     /// Drops the pending passes, if any.
@@ -141,12 +175,14 @@ impl BlockDecoder {
         self.pending = 0;
     }
 
-    /// Sends blocks and parameters unless they are there, to be decoded into `scalars`. Returns the bytes sent, or `None` if this GPU cannot
-    /// decode them: a block is larger than a binding, or a mixture needs f64, or a weight so small that its parts are denormal.
+    /// Sends blocks and parameters unless they are there, to be decoded into `scalars`, `count` of them ([`CompressedScalars::fit`]). Returns
+    /// the bytes sent, or `None` if this GPU cannot decode them: a block is larger than a binding, or a mixture needs f64, or a weight so
+    /// small that its parts are denormal.
     pub(super) fn prepare(
         &mut self,
         context: &Context,
         compressed: &CompressedScalars,
+        count: usize,
         scalars: &GrowingBuffer,
     ) -> Result<Option<u64>, RenderError> {
         self.pending = 0;
@@ -157,7 +193,9 @@ impl BlockDecoder {
         };
         let Some((weight_before, weight)) = weights else { return Ok(None) };
         let steps = compressed.steps().map(|step| (step, places_of(step)));
-        let steps = steps.map(|(step, (places, bytes))| (step, VqStep { weight_before, weight, ..places }, bytes));
+        let count = count as u32;
+        let steps =
+            steps.map(|(step, (places, bytes))| (step, VqStep { count, weight_before, weight, ..places }, bytes));
         if steps.clone().any(|(_, _, bytes)| bytes > context.binding_bytes()) {
             return Ok(None);
         }
@@ -175,9 +213,17 @@ impl BlockDecoder {
             };
             needed = Some(*of_step);
         }
+        let of_parts = compressed.source_cells.as_ref().and_then(|cells| Some((cells, cells.of_parts()?)));
+        if let Some((cells, of_parts)) = of_parts {
+            sent += self.cells.update(context, cells, of_parts)?;
+        }
         // Sending a block may unbind the passes of both.
         for ((pass, place), (_, places, _)) in self.passes.iter_mut().zip(of_steps).zip(steps) {
-            sent += pass.prepare(context, places, &self.blocks[place].buffer, scalars)?;
+            let block = &self.blocks[place].buffer;
+            sent += match of_parts {
+                None => pass.prepare(context, places, Valued::Each, &[block, scalars])?,
+                Some(_) => pass.prepare(context, places, Valued::Wholes, &[block, scalars, &self.cells.buffer])?,
+            };
         }
         self.pending = compressed.steps().count();
         Ok(Some(sent))
@@ -208,7 +254,7 @@ impl BlockDecoder {
     /// Records the decoding in a pass.
     pub(super) fn record(&self, context: &Context, pass: &mut wgpu::ComputePass<'_>) -> Result<(), RenderError> {
         self.passes[..self.pending].iter().try_for_each(|of| {
-            let workgroups = of.places.vertex_count.div_ceil(256);
+            let workgroups = of.places.count.div_ceil(256);
             of.pipelines.dispatch(context, of.stage, workgroups, pass)
         })
     }
@@ -231,18 +277,17 @@ fn places_of(step: &CompressedStep) -> (VqStep, u64) {
     let block = &step.block;
     let row = block.row_len() as u32;
     let (groups, j) = (GROUPS as u32, step.step as u32);
-    let vertices = block.means().len();
+    let values = block.means().len();
     let means = words(size_of_val(block.cb8())) + words(size_of_val(block.cb64()));
     let (index_bytes, per_word_log2) = match block.indices() {
         Indices::Narrow(_) => (1, 2),
         Indices::Wide(_) => (2, 1),
     };
-    let first = means + words(4 * vertices);
-    let second = first + words(index_bytes * vertices);
-    let end = second + words(index_bytes * vertices);
+    let first = means + words(4 * values);
+    let second = first + words(index_bytes * values);
+    let end = second + words(index_bytes * values);
     let exponents = block.exponents().len();
     let places = VqStep {
-        vertex_count: vertices as u32,
         row_8: group_of_step(step.step) as u32 * row,
         row_64: (groups + j) * row,
         means,

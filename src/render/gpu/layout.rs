@@ -309,19 +309,19 @@ pub struct SurfaceParams {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct VqStep {
-    /// Vertices of the mesh.
-    pub vertex_count: u32,
+    /// Vertices or cells of the mesh, whichever have the scalars.
+    pub count: u32,
     /// The step's row of the first codebook.
     pub row_8: u32,
     /// The step's row of the second codebook.
     pub row_64: u32,
-    /// Means of the vertices.
+    /// Means of the values.
     pub means: u32,
-    /// Exponents of the vertices, four a word; `u32::MAX` if all are zero.
+    /// Exponents of the values, four a word; `u32::MAX` if all are zero.
     pub exponents: u32,
-    /// Indices of the vertices into the first codebook.
+    /// Indices of the values into the first codebook.
     pub first: u32,
-    /// Indices of the vertices into the second codebook.
+    /// Indices of the values into the second codebook.
     pub second: u32,
     /// Base-2 logarithm of the indices per word.
     pub per_word_log2: u32,

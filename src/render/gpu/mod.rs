@@ -11,7 +11,7 @@
 //!
 //! | stage | file | a thread is |
 //! |---|---|---|
-//! | decode (codec `vq`) | `decode_vq.wgsl` | a vertex |
+//! | decode (codec `vq`) | `decode_vq.wgsl` | a vertex, or a cell that has a scalar |
 //! | view transform | `view_transform.wgsl` | a vertex, or eight cells that have scalars |
 //! | entries | `entries_count.wgsl`, `entries_scan.wgsl`, `entries_store.wgsl` | an entry face; a part of the tiles; an entry face |
 //! | walk and composite | `walk.wgsl` with `lib/optics_intervals.wgsl` and `lib/optics_exact.wgsl` or `lib/optics_partial.wgsl`, or with `lib/optics_table3d.wgsl` or `lib/optics_joint.wgsl`; and `lib/surfaces.wgsl`, or `lib/cell_scalars.wgsl` or `lib/cell_joint.wgsl` | a pixel, a workgroup is a tile |

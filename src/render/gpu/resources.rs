@@ -24,9 +24,11 @@ pub enum Resource {
     UpsampleParams,
     /// A block of codec `vq`.
     Block,
+    /// For each cell of the mesh the source's cell that it is a part of.
+    SourceCells,
     /// Positions of the vertices, local units.
     Positions,
-    /// Scalars of the vertices.
+    /// Scalars of the vertices, or of the cells.
     Scalars,
     /// Vertices in view coordinates.
     Vertices,
@@ -158,6 +160,7 @@ impl Resource {
             Self::RayParams => ("ray_params", "parameters of rays", Uniform("RayParams")),
             Self::UpsampleParams => ("upsample_params", "parameters of filters", Uniform("UpsampleParams")),
             Self::Block => ("block", "compressed block", Storage("u32")),
+            Self::SourceCells => ("source_cells", "cells of the source", Storage("u32")),
             Self::Positions => ("positions", "positions", Storage("f32")),
             Self::Scalars => ("scalars", "scalars", Storage("f32")),
             Self::Vertices => ("vertices", "view vertices", Storage("ViewVertex")),

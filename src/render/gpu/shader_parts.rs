@@ -3,6 +3,8 @@
 pub(super) const FRAME: &str = include_str!("../../../shaders/lib/frame.wgsl");
 pub(super) const STEP_AS_IS: &str = include_str!("../../../shaders/lib/step_as_is.wgsl");
 pub(super) const STEP_MIXED: &str = include_str!("../../../shaders/lib/step_mixed.wgsl");
+pub(super) const VALUES_AS_STORED: &str = include_str!("../../../shaders/lib/values_as_stored.wgsl");
+pub(super) const VALUES_OF_PARTS: &str = include_str!("../../../shaders/lib/values_of_parts.wgsl");
 pub(super) const SUMS: &str = include_str!("../../../shaders/lib/sums.wgsl");
 pub(super) const SATURATING: &str = include_str!("../../../shaders/lib/saturating.wgsl");
 pub(super) const CELLS: &str = include_str!("../../../shaders/lib/cells.wgsl");

@@ -37,6 +37,15 @@ pub enum Moment {
     Mixture,
 }
 
+/// What has the values of a block that is decoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Valued {
+    /// The vertices, or the cells.
+    Each,
+    /// Cells of the source, of which several cells of the mesh are parts.
+    Wholes,
+}
+
 /// Destination of a bilinearly enlarged image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Toward {
@@ -160,7 +169,7 @@ impl Gathering {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Decodes a step from its compressed block.
-    DecodeVq(Moment),
+    DecodeVq(Moment, Valued),
     /// Transforms vertices to view coordinates.
     ViewTransform,
     /// Counts the items that meet each tile.
@@ -216,8 +225,10 @@ pub enum Stage {
 /// All stages.
 pub fn stages() -> impl Iterator<Item = Stage> {
     let alike = [
-        Stage::DecodeVq(Moment::Step),
-        Stage::DecodeVq(Moment::Mixture),
+        Stage::DecodeVq(Moment::Step, Valued::Each),
+        Stage::DecodeVq(Moment::Mixture, Valued::Each),
+        Stage::DecodeVq(Moment::Step, Valued::Wholes),
+        Stage::DecodeVq(Moment::Mixture, Valued::Wholes),
         Stage::ViewTransform,
         Stage::EntriesCount,
         Stage::EntriesScan,
@@ -299,7 +310,7 @@ impl Stage {
     /// Its name, and the text of its file.
     fn file(self) -> (&'static str, &'static str) {
         match self {
-            Self::DecodeVq(_) => ("decode_vq", include_str!("../../../shaders/decode_vq.wgsl")),
+            Self::DecodeVq(..) => ("decode_vq", include_str!("../../../shaders/decode_vq.wgsl")),
             Self::ViewTransform => ("view_transform", include_str!("../../../shaders/view_transform.wgsl")),
             Self::EntriesCount => ("entries_count", include_str!("../../../shaders/entries_count.wgsl")),
             Self::EntriesScan => ("entries_scan", include_str!("../../../shaders/entries_scan.wgsl")),
@@ -338,7 +349,7 @@ impl Stage {
             | Self::FacePieces(_, precision)
             | Self::FaceStarts(_, precision) => precision,
             // Mixtures are those of the CPU, which mixes in f64.
-            Self::DecodeVq(Moment::Mixture) => Precision::Double,
+            Self::DecodeVq(Moment::Mixture, _) => Precision::Double,
             _ => Precision::Single,
         }
     }
@@ -354,7 +365,8 @@ impl Stage {
         let records = Resource::RECORDS.map(Read);
         let fragments = Resource::FRAGMENTS.map(Write);
         match self {
-            Self::DecodeVq(_) => vec![Read(VqStep), Read(Block), Write(Scalars)],
+            Self::DecodeVq(_, Valued::Each) => vec![Read(VqStep), Read(Block), Write(Scalars)],
+            Self::DecodeVq(_, Valued::Wholes) => vec![Read(VqStep), Read(Block), Read(SourceCells), Write(Scalars)],
             Self::ViewTransform => vec![Read(Params), Read(Positions), Read(Scalars), Write(Vertices)],
             Self::EntriesCount | Self::EntriesStore => {
                 [&[Read(Params), Read(Vertices), Read(Items), Atomic(Bins)][..], &records].concat()
@@ -441,8 +453,10 @@ impl Stage {
     /// The parts of `shaders/lib/` that its file needs.
     fn parts(self) -> Vec<&'static str> {
         match self {
-            Self::DecodeVq(Moment::Step) => vec![lib::STEP_AS_IS],
-            Self::DecodeVq(Moment::Mixture) => vec![lib::STEP_MIXED],
+            Self::DecodeVq(moment, valued) => {
+                let mixed = if moment == Moment::Step { lib::STEP_AS_IS } else { lib::STEP_MIXED };
+                vec![mixed, if valued == Valued::Each { lib::VALUES_AS_STORED } else { lib::VALUES_OF_PARTS }]
+            }
             Self::Present => vec![],
             Self::ViewTransform => vec![lib::FRAME, lib::SUMS],
             Self::EntriesCount | Self::EntriesStore => vec![lib::FRAME, lib::CELLS, lib::BOXES, lib::ITEMS],

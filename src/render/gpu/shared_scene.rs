@@ -141,8 +141,8 @@ impl SharedScene {
     ) -> Result<(), RenderError> {
         self.params.write(context, 0, bytemuck::bytes_of(params))?;
         let decoder = &self.scalars.decoder;
-        if decoder.pending_vertices() > 0 {
-            stats.vertices_decoded_on_gpu = decoder.pending_vertices();
+        if decoder.pending_scalars() > 0 {
+            stats.vertices_decoded_on_gpu = decoder.pending_scalars();
             decoder.record(context, &mut target.pass(encoder, "decode", Some(6)))?;
         }
         let mut pass = target.pass(encoder, "view transform", Some(0));

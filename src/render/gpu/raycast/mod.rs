@@ -1,6 +1,6 @@
 //! The ray caster on the GPU: the stages of [`crate::render::cpu::raycast`] in WGSL.
 //!
-//! 0. **decode**, if the scalars are compressed: a thread a vertex.
+//! 0. **decode**, if the scalars are compressed: a thread a vertex, or a cell if cells have them.
 //! 1. **view transform**: a thread a vertex, or the scalars of eight cells.
 //! 2. **entries**: a thread an entry face. Entries are counted per tile, the counts summed to places, and the entries stored: lists of any
 //!    length in one buffer. If it is too small the frame is begun again with a larger one.

@@ -2,9 +2,9 @@
 
 use super::*;
 use tetreel::codec::vq::VqOptions;
-use tetreel::field::{Component, FieldInfo, SeriesSource, TimeAxis};
+use tetreel::field::{Association, Component, FieldInfo, Scalars, SeriesSource, TimeAxis};
 use tetreel::ingest::{CodecChoice, IngestOptions, ingest};
-use tetreel::mesh::RawMesh;
+use tetreel::mesh::{RawMesh, SolidShape, SourceCells};
 use tetreel::pipeline::{FaceDetail, FrameRequest, FrameTime, Pipeline, TetDraw};
 use tetreel::render::gpu::havs::Havs as GpuHavs;
 use tetreel::render::{CompressedScalars, CompressedStep};
@@ -16,6 +16,8 @@ use tetreel::task::{Cancel, Silent};
 struct Odd {
     series: Synth,
     fields: Vec<FieldInfo>,
+    /// Instead of the series' mesh, with values of its cells.
+    of_cells: Option<RawMesh>,
 }
 
 impl SeriesSource for Odd {
@@ -29,10 +31,13 @@ impl SeriesSource for Odd {
         &self.fields
     }
     fn mesh(&self) -> tetreel::error::FileResult<RawMesh> {
-        self.series.mesh()
+        self.of_cells.clone().map_or_else(|| self.series.mesh(), Ok)
     }
     fn read(&self, f: &FieldInfo, c: Component, step: usize, out: &mut Vec<f32>) -> tetreel::error::FileResult<()> {
-        self.series.read(f, c, step, out)?;
+        match &self.of_cells {
+            None => self.series.read(f, c, step, out)?,
+            Some(mesh) => *out = (0..mesh.cells.len()).map(|i| (0.7 * i as f32 + 0.1 * step as f32).cos()).collect(),
+        }
         for (i, value) in out.iter_mut().enumerate() {
             *value = *value * 10f32.powi(i as i32 % 7 - 3) + 0.3 * (i as f32 * 0.1 + step as f32 * 0.2).sin();
             if i % 97 == 5 {
@@ -41,6 +46,21 @@ impl SeriesSource for Odd {
         }
         Ok(())
     }
+}
+
+/// A box of tetrahedra, or of hexahedra.
+fn mesh_of_cells(are_cubes: bool) -> RawMesh {
+    let n = 8;
+    let mut raw = crate::meshes::grid(n, 0.1, 3, |_| true);
+    if are_cubes {
+        let at = |x: usize, y: usize, z: usize| (x + (n + 1) * (y + (n + 1) * z)) as u32;
+        raw.cells.tets.clear();
+        for (x, y, z) in (0..n * n * n).map(|i| (i % n, i / n % n, i / n / n)) {
+            let layer = |z: usize| [at(x, y, z), at(x + 1, y, z), at(x + 1, y + 1, z), at(x, y + 1, z)];
+            raw.cells.solids.push(SolidShape::Hexahedron, [layer(z), layer(z + 1)].concat().into_iter());
+        }
+    }
+    raw
 }
 
 /// Series of three blocks, the last one short, compressed in this way.
@@ -52,8 +72,20 @@ struct Stored {
 
 impl Stored {
     fn new(entries: usize, own_scales: bool) -> Self {
+        Self::with(entries, own_scales, None)
+    }
+
+    /// A field of the cells of a mesh.
+    fn of_cells(entries: usize, own_scales: bool, are_cubes: bool) -> Self {
+        let stored = Self::with(entries, own_scales, Some(mesh_of_cells(are_cubes)));
+        Self { name: format!("{}, {}", stored.name, if are_cubes { "cubes" } else { "tetrahedra" }), ..stored }
+    }
+
+    fn with(entries: usize, own_scales: bool, of_cells: Option<RawMesh>) -> Self {
         let series = generate(&SynthSpec { cells: 3000, steps: 130, ..SynthSpec::new(SeriesName::Jet) }).unwrap();
-        let odd = Odd { fields: vec![series.fields()[0].clone()], series };
+        let association = if of_cells.is_some() { Association::Cell } else { Association::Point };
+        let fields = vec![FieldInfo { association, ..series.fields()[0].clone() }];
+        let odd = Odd { fields, series, of_cells };
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("odd.zarr");
         let codec = CodecChoice::new(VqOptions { entries, own_scales, ..Default::default() });
@@ -87,7 +119,8 @@ fn drawn(renderer: &mut dyn Renderer, job: &RenderJob) -> Frame {
 
 /// The job with these scalars, which no renderer has seen; the CPU has decoded them.
 fn sent(job: &RenderJob, scalars: impl IntoIterator<Item = f32>) -> RenderJob {
-    RenderJob { compressed: None, scalars: Arc::new(scalars.into_iter().collect::<Vec<f32>>()).into(), ..job.clone() }
+    let scalars = Scalars::new(job.scalars.association(), Arc::new(scalars.into_iter().collect()));
+    RenderJob { compressed: None, scalars, ..job.clone() }
 }
 
 /// Light, opacities and depths to the bit.
@@ -120,8 +153,11 @@ fn times() -> [(FrameTime, u64); 12] {
 fn scalars_decoded_on_the_gpu_are_drawn_to_the_bit_as_those_decoded_on_the_cpu() {
     let Some(context) = context() else { return };
     assert!(context.has_f64(), "{} has no f64, in which two steps are mixed", context.adapter());
-    for (entries, own_scales) in [(256, false), (300, true), (2, true), (1024, false)] {
-        let mut stored = Stored::new(entries, own_scales);
+    let of_vertices = [(256, false), (300, true), (2, true), (1024, false)];
+    let of_vertices = of_vertices.map(|(entries, own_scales)| Stored::new(entries, own_scales));
+    let of_cells = [(256, false, false), (300, true, true)];
+    let of_cells = of_cells.map(|(entries, own_scales, cubes)| Stored::of_cells(entries, own_scales, cubes));
+    for mut stored in of_vertices.into_iter().chain(of_cells) {
         for draw in DRAWS {
             let mut renderer = renderer(draw, &context);
             for (time, blocks) in times() {
@@ -138,7 +174,8 @@ fn scalars_decoded_on_the_gpu_are_drawn_to_the_bit_as_those_decoded_on_the_cpu()
                 assert!(bits(&on_gpu) == bits(&on_cpu), "{name}");
                 // A step is 64 bytes as long as its block is there.
                 let bytes = on_gpu.stats.bytes_uploaded - 64 * steps;
-                assert!(if blocks == 0 { bytes == 0 } else { bytes > blocks * vertices * 5 }, "{name}: {bytes} more");
+                let values = job.compressed.as_ref().unwrap().step.block.means().len() as u64;
+                assert!(if blocks == 0 { bytes == 0 } else { bytes > blocks * values * 5 }, "{name}: {bytes} more");
                 // The same scalars once more are there.
                 let again = drawn(&mut *renderer, &job).stats;
                 assert_eq!((again.vertices_decoded_on_gpu, again.bytes_uploaded), (0, 0), "{name}");
@@ -150,18 +187,21 @@ fn scalars_decoded_on_the_gpu_are_drawn_to_the_bit_as_those_decoded_on_the_cpu()
 #[test]
 fn the_comparison_to_the_bit_notices_another_step_weight_or_rounding() {
     let Some(context) = context() else { return };
-    let mut stored = Stored::new(256, false);
-    for draw in DRAWS {
+    for (mut stored, draw) in [
+        (Stored::new(256, false), DRAWS[0]),
+        (Stored::new(256, false), DRAWS[1]),
+        (Stored::of_cells(256, false, true), DRAWS[0]),
+    ] {
         let mut renderer = renderer(draw, &context);
         let [from, to] = [1, 2].map(|step| stored.job(step.into(), draw).scalars.values().to_vec());
         let weight = 0.3;
         let job = stored.job(FrameTime::between(1, 2, weight), draw);
-        let CompressedScalars { step, toward } = job.compressed.clone().unwrap();
+        let CompressedScalars { step, toward, source_cells } = job.compressed.clone().unwrap();
         let (toward, _) = toward.unwrap();
         let right = bits(&drawn(&mut *renderer, &job));
         let compressed = |step: &CompressedStep, toward: Option<(&CompressedStep, f64)>| {
             let toward = toward.map(|(step, weight)| (step.clone(), weight));
-            let compressed = Some(CompressedScalars { step: step.clone(), toward });
+            let compressed = Some(CompressedScalars { step: step.clone(), toward, source_cells: source_cells.clone() });
             RenderJob { compressed, ..sent(&job, job.scalars.values().iter().copied()) }
         };
         let third = CompressedStep { step: 3, ..step.clone() };
@@ -181,6 +221,22 @@ fn the_comparison_to_the_bit_notices_another_step_weight_or_rounding() {
         }
         let same = compressed(&step, Some((&toward, weight)));
         assert!(bits(&drawn(&mut *renderer, &same)) == right, "{draw:?}");
+        // Each cell a part of what its neighbour is a part of; and one cell too few, which is left to the CPU.
+        if let Some(cells) = &source_cells {
+            let of_parts = cells.of_parts().unwrap();
+            let mut found = |cell_source: &[u32]| {
+                let mut other = same.clone();
+                other.scalars = Scalars::Cells(Arc::new(job.scalars.values().to_vec()));
+                other.compressed.iter_mut().for_each(|c| c.source_cells = Some(Arc::new(SourceCells::of(cell_source))));
+                let frame = drawn(&mut *renderer, &other);
+                (frame.stats.vertices_decoded_on_gpu, bits(&frame) == right)
+            };
+            let mut exchanged = of_parts.to_vec();
+            exchanged.rotate_left(1);
+            assert_eq!(found(&exchanged), (2 * exchanged.len() as u64, false));
+            assert_eq!(found(of_parts), (2 * of_parts.len() as u64, true));
+            assert_eq!(found(&of_parts[1..]), (0, true));
+        }
     }
 }
 
