@@ -338,7 +338,7 @@ fn the_parameters_of_the_face_renderer_have_the_same_layout() {
         assert_eq!(members(&module(stage), "FaceParams"), (rust.clone(), size_of::<FaceParams>()), "{stage:?}");
         checked += 1;
     }
-    assert_eq!(checked, 57);
+    assert_eq!(checked, 59);
 }
 
 /// A constant of a shader.
