@@ -17,6 +17,8 @@
 //!   while the user acts or frames come late); `thumbnails`; `opening` (a store, or a source that is imported to the cache first);
 //!   `following` (a store that grows); `settings`; fields and images in `jobs`. Each ends with its owner; those that read data catch their
 //!   panics and report them in a message.
+//! - **One state.** What the window shows is a project (`document.rs`), be it one of a look without a file; a transfer function is an ensemble of one
+//!   member. States before a change are kept whole, for undo.
 //! - **A project** is an `Animation` on a thread of its own (`ui/project_worker.rs`, the one place where tables of a project are made for
 //!   the window). A caller waits a millisecond; a frame whose table takes longer is not requested until that is known (`Player::tick`), and
 //!   comes first then, so that a running clock does not pass over all of them. Results of the last frames are kept.
