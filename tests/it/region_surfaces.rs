@@ -28,7 +28,7 @@ fn blocks(dir: &std::path::Path, field: &str, surfaces: &[&str]) -> (Pipeline, F
         "q" if (2.0..3.0).contains(&at.x) => f32::NAN,
         _ => (0.25 * at.x) as f32,
     });
-    let store = ingested(&source, &dir.join("blocks.zarr"), "0..2");
+    let store = ingested(&source, &dir.join("blocks.zarr"), "0..1");
     let pipeline = Pipeline::open(&store, Some(&field.parse().unwrap())).unwrap();
     let camera = Camera::default_for(pipeline.mesh().positions.world_bounds()).unwrap();
     let (table, formula) = colors_for(&pipeline, "viridis@0:0.3,1:0.5");
