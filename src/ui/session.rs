@@ -213,6 +213,11 @@ impl Session {
         self.part_sizes.get_or_init(|| self.series().mesh().topology.parts().1)
     }
 
+    /// The path that opens the store or its source again.
+    pub fn source(&self) -> &Path {
+        &self.source
+    }
+
     /// Store of the series and other fields.
     pub fn store(&self) -> &Store {
         &self.store

@@ -229,7 +229,7 @@ impl Session {
     fn save_project(&mut self, to: Option<PathBuf>, may_replace: bool) {
         let own = self.document.file().map(Path::to_owned);
         let Some(file) = to.or(own.clone()) else {
-            self.fail("the project has no file yet: name one in the side panel, at Project".to_owned());
+            self.fail("the project has no file yet: name one by Save..., above the side panel".to_owned());
             return;
         };
         let file = absolute(&file).unwrap_or(file);

@@ -460,7 +460,8 @@ impl PlayerWindow {
             let side = egui::Panel::right("side").frame(panel).default_size(side::WIDTH).min_size(side::WIDTH);
             side.resizable(true).show(ui, |ui| {
                 let recent = &self.keeper.settings().recent;
-                *wish = side::open(ui, &mut self.path_box, recent).or(wish.take());
+                let files = (&mut self.path_box, recent.as_slice());
+                *wish = self.side.files(ui, files, session, &mut actions).or(wish.take());
                 self.side.show(ui, session, &mut self.overlays, &mut actions);
             });
         }

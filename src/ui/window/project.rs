@@ -1,4 +1,4 @@
-//! Controls of the project: undo and redo, its ensembles with their members, its camera path.
+//! Controls of the project: its file, undo and redo, its ensembles with their members, its camera path.
 
 use super::overlay::shortened;
 use super::widgets::labelled;
@@ -8,53 +8,77 @@ use crate::timeline::At;
 use crate::transfer::Ensemble;
 use crate::ui::{Action, Session};
 use eframe::egui;
+use egui::containers::menu::{MenuButton, MenuConfig};
 use egui::{Button, TextEdit, Ui};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Number of ensembles with keys.
 const DIGITS: usize = 9;
 
-/// This part of the side panel.
+/// The menu that saves a project.
 #[derive(Debug, Default)]
-pub(super) struct ProjectPanel {
+pub(super) struct ProjectMenu {
     /// Path that was typed.
     path: String,
     /// Whether a file that is there is replaced.
     may_replace: bool,
 }
 
-impl ProjectPanel {
-    /// Shows it.
+/// Whether a project says more than a look: its part of the side panel is shown then.
+pub(super) fn says_more(session: &Session) -> bool {
+    let project = session.project();
+    let has_choice = project.ensembles.len() > 1 || project.ensembles.iter().any(|of| of.members.len() > 1);
+    has_choice || !project.timeline.cameras.keys().is_empty()
+}
+
+/// Shows the project's part of the side panel.
+pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
+    let project = session.project();
+    if project.ensembles.len() > 1 {
+        ensembles(ui, session, project, actions);
+    }
+    let edited = session.edited_ensemble();
+    if let Some(ensemble) = project.ensembles.get(edited).filter(|ensemble| ensemble.members.len() > 1) {
+        members(ui, session, (edited, ensemble), actions);
+    }
+    // While playing the line would flicker with every step.
+    if session.is_working_out() && !session.state().playing {
+        ui.label("working out the colours");
+    }
+    if !project.timeline.cameras.keys().is_empty() {
+        let mut follows = session.follows_path();
+        if ui.checkbox(&mut follows, "camera path").on_hover_text("C").changed() {
+            actions.push(Action::CameraPath(follows));
+        }
+    }
+}
+
+impl ProjectMenu {
+    /// Shows the menu, and buttons to undo and redo.
     pub(super) fn show(&mut self, ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
-        let project = session.project();
-        file(ui, session, actions);
-        ui.collapsing("Save as", |ui| self.save_as(ui, session, actions));
-        if project.ensembles.len() > 1 {
-            ensembles(ui, session, project, actions);
-        }
-        let edited = session.edited_ensemble();
-        if let Some(ensemble) = project.ensembles.get(edited).filter(|ensemble| ensemble.members.len() > 1) {
-            members(ui, session, (edited, ensemble), actions);
-        }
-        // While playing the line would flicker with every step.
-        if session.is_working_out() && !session.state().playing {
-            ui.label("working out the colours");
-        }
-        if !project.timeline.cameras.keys().is_empty() {
-            let mut follows = session.follows_path();
-            if ui.checkbox(&mut follows, "camera path").on_hover_text("C").changed() {
-                actions.push(Action::CameraPath(follows));
+        // Typing a path needs a menu that stays open when clicked.
+        let stays = MenuConfig::new().close_behavior(egui::PopupCloseBehavior::CloseOnClickOutside);
+        MenuButton::new("Save...").config(stays).ui(ui, |ui| {
+            file(ui, session, actions);
+            self.save_as(ui, session, actions);
+        });
+        let (undo, redo) = session.changes();
+        let mut button = |text: &str, key: &str, is_enabled: bool, action: Action| {
+            if ui.add_enabled(is_enabled, Button::new(text)).on_hover_text(key).clicked() {
+                actions.push(action);
             }
-        }
+        };
+        button("Undo", "Ctrl Z", undo > 0, Action::Undo);
+        button("Redo", "Ctrl Shift Z", redo > 0, Action::Redo);
     }
 
     /// A box for the path of a new file.
     fn save_as(&mut self, ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
         if self.path.is_empty() {
-            let name = session.store().path().with_extension("toml");
+            let name = session.source().with_extension("toml");
             self.path = session.project_file().unwrap_or(&name).display().to_string();
         }
-        let edit = TextEdit::singleline(&mut self.path).desired_width(ui.available_width());
+        let edit = TextEdit::singleline(&mut self.path).desired_width(320.0);
         let response = labelled(ui.add(edit), "Path of the project file");
         let is_entered = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
         ui.horizontal(|ui| {
@@ -69,27 +93,22 @@ impl ProjectPanel {
     }
 }
 
-/// The project's file, and buttons to undo, redo and save.
+/// The project's file, and a button to save to it.
 fn file(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
-    let path = session.project_file();
-    let name = path.and_then(Path::file_name).map(|name| shortened(&name.to_string_lossy(), NAME));
-    let name = name.unwrap_or_else(|| "not saved".to_owned());
-    let response = ui.label(if session.is_changed() { format!("{name}, changed") } else { name });
-    if let Some(path) = path {
-        response.on_hover_text(path.display().to_string());
-    }
+    let Some(path) = session.project_file() else {
+        ui.label("What is shown, as a project file:");
+        return;
+    };
+    let name = shortened(&path.file_name().unwrap_or(path.as_os_str()).to_string_lossy(), NAME);
     ui.horizontal(|ui| {
-        let (undo, redo) = session.changes();
-        let mut button = |text: &str, key: &str, is_enabled: bool, action: Action| {
-            if ui.add_enabled(is_enabled, Button::new(text)).on_hover_text(key).clicked() {
-                actions.push(action);
-            }
-        };
-        button("Undo", "Ctrl Z", undo > 0, Action::Undo);
-        button("Redo", "Ctrl Shift Z", redo > 0, Action::Redo);
-        let save = Action::SaveProject { to: None, may_replace: false };
-        button("Save", "Ctrl S", path.is_some() && session.is_changed(), save);
+        let is_changed = session.is_changed();
+        let name = if is_changed { format!("{name}, changed") } else { name };
+        ui.label(name).on_hover_text(path.display().to_string());
+        if ui.add_enabled(is_changed, Button::new("Save")).on_hover_text("Ctrl S").clicked() {
+            actions.push(Action::SaveProject { to: None, may_replace: false });
+        }
     });
+    ui.label("or as:");
 }
 
 /// The ensembles by name, with the shown one marked.

@@ -1,7 +1,7 @@
 //! The side panel: controls of data and look.
 
 use super::overlay::{self, Overlays, horizontal_strip};
-use super::project::ProjectPanel;
+use super::project::{self, ProjectMenu};
 use super::transfer_editor::TransferEditor;
 use super::welcome::{self, PathBox, Wish};
 use super::widgets::{chosen, color_button, labelled, number, within_width};
@@ -24,10 +24,27 @@ pub(super) const WIDTH: f32 = 250.0;
 #[derive(Debug, Default)]
 pub(super) struct Side {
     editor: TransferEditor,
-    project: ProjectPanel,
+    project: ProjectMenu,
 }
 
 impl Side {
+    /// Opens other files, saves the project and undoes changes: above the panel's other parts.
+    pub(super) fn files(
+        &mut self,
+        ui: &mut Ui,
+        (path_box, recent): (&mut PathBox, &[RecentFile]),
+        session: &Session,
+        actions: &mut Vec<Action>,
+    ) -> Option<Wish> {
+        ui.add_space(4.0);
+        let row = ui.horizontal(|ui| {
+            let wish = open(ui, path_box, recent);
+            self.project.show(ui, session, actions);
+            wish
+        });
+        row.inner
+    }
+
     /// Shows the panel.
     pub(super) fn show(&mut self, ui: &mut Ui, session: &Session, overlays: &mut Overlays, actions: &mut Vec<Action>) {
         // The bar has its own room: widgets under it could not be dragged.
@@ -39,9 +56,9 @@ impl Side {
                     CollapsingHeader::new(title).default_open(true).show(ui, |ui| show(ui));
                 };
                 section(ui, "Field", &mut |ui| field(ui, session, actions));
-                let is_of_file = session.project_file().is_some() || session.project().ensembles.len() > 1;
-                let project = CollapsingHeader::new("Project").default_open(is_of_file);
-                project.show(ui, |ui| self.project.show(ui, session, actions));
+                if project::says_more(session) {
+                    section(ui, "Project", &mut |ui| project::show(ui, session, actions));
+                }
                 section(ui, "Colours", &mut |ui| colors(ui, session, actions));
                 section(ui, "Opacity", &mut |ui| {
                     if let Some(range) = session.shown_range() {
@@ -58,10 +75,9 @@ impl Side {
     }
 }
 
-/// Opens other files, above the panel's other parts.
-pub(super) fn open(ui: &mut Ui, path_box: &mut PathBox, recent: &[RecentFile]) -> Option<Wish> {
+/// The menu that opens other files.
+fn open(ui: &mut Ui, path_box: &mut PathBox, recent: &[RecentFile]) -> Option<Wish> {
     let mut wanted = None;
-    ui.add_space(4.0);
     // Typing a path needs a menu that stays open when clicked.
     let stays = MenuConfig::new().close_behavior(egui::PopupCloseBehavior::CloseOnClickOutside);
     MenuButton::new("Open...").config(stays).ui(ui, |ui| {

@@ -55,7 +55,7 @@ fn the_last_point_of_the_opacity_curve_is_dragged_though_the_panel_has_a_scroll_
         desk.harness.hover_at(at(0.6) - vec2(20.0, 0.0));
         (0..20).for_each(|_| desk.harness.step());
         desk.drag(at(0.6), at(0.9));
-        let last = *desk.session().look().tf.points().last().unwrap();
+        let last = *desk.session().function().unwrap().points().last().unwrap();
         assert!((last.value - 0.9).abs() < 0.02 && last.position == 1.0, "{size:?}: {last:?}");
     }
 }

@@ -155,6 +155,9 @@ fn what_is_shown_is_saved_as_a_project_and_opened_again() {
     let picture = desk.session().shown().unwrap().request.clone();
     let path = desk.folder.path().join("seen.toml");
     let saves = |desk: &mut Desk, path: &Path| {
+        desk.click("Save...");
+        desk.settle();
+        desk.save("project_save.png");
         desk.click("Path of the project file");
         desk.press_with(egui::Modifiers::CTRL, Key::A);
         desk.harness.get_by_label("Path of the project file").type_text(path.to_str().unwrap());
@@ -162,14 +165,10 @@ fn what_is_shown_is_saved_as_a_project_and_opened_again() {
         desk.click("Save to this file");
         desk.until("a message", |session| !session.notices().is_empty());
         let text = desk.session().notices()[0].text.clone();
+        desk.until_there("Dismiss message 1");
         desk.click("Dismiss message 1");
         text
     };
-    desk.click("Project");
-    desk.settle();
-    desk.click("Save as");
-    desk.settle();
-    desk.save("project_save.png");
     assert!(saves(&mut desk, &path).starts_with("saved "));
     assert!(!desk.session().is_changed() && desk.session().project_file() == Some(&path));
     let other = desk.folder.path().join("other.toml");
@@ -177,7 +176,9 @@ fn what_is_shown_is_saved_as_a_project_and_opened_again() {
     assert!(saves(&mut desk, &other).contains("there is a file of that name"));
     assert_eq!(std::fs::read_to_string(&other).unwrap(), "mine");
     desk.click("reversed");
+    desk.click("Save...");
     desk.until_there("seen.toml, changed");
+    desk.click("Save...");
     let open = |desk: &mut Desk| {
         desk.click("Open...");
         desk.click("Path to open");
@@ -204,6 +205,7 @@ fn what_is_shown_is_saved_as_a_project_and_opened_again() {
     desk.settle();
     let again = desk.session().shown().unwrap().request.clone();
     assert_eq!(again.tets().unwrap().table, picture.tets().unwrap().table);
+    desk.click("Save...");
     desk.until_there("seen.toml");
 }
 
