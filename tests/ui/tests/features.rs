@@ -411,6 +411,10 @@ fn regions_are_chosen_by_a_field_of_cells_and_its_values() {
         let shown = desk.session().shown().unwrap();
         shown.request.tets().unwrap().domain.iter().map(ToString::to_string).collect::<Vec<_>>()
     };
+    // Room for all lines of the surfaces.
+    desk.click("Colours");
+    desk.click("Opacity");
+    desk.settle();
     desk.click("Add surface of regions");
     desk.settle();
     assert_eq!(surfaces(&desk), ["solid:block=0..5::0.3"]);

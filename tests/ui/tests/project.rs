@@ -159,7 +159,7 @@ fn what_is_shown_is_saved_as_a_project_and_opened_again() {
         desk.settle();
         desk.save("project_save.png");
         desk.click("Path of the project file");
-        desk.press_with(egui::Modifiers::CTRL, Key::A);
+        desk.press_with(egui::Modifiers::COMMAND, Key::A);
         desk.harness.get_by_label("Path of the project file").type_text(path.to_str().unwrap());
         desk.harness.step();
         desk.click("Save to this file");
@@ -183,6 +183,7 @@ fn what_is_shown_is_saved_as_a_project_and_opened_again() {
         desk.click("Open...");
         desk.click("Path to open");
         desk.click("Path to open");
+        desk.press_with(egui::Modifiers::COMMAND, Key::A);
         desk.harness.get_by_label("Path to open").type_text(path.to_str().unwrap());
         desk.harness.step();
         desk.press(Key::Enter);
