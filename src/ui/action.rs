@@ -91,7 +91,7 @@ pub enum Action {
     /// Sets how segments of a ray are integrated.
     Optics(OpticsKind),
     /// Sets isosurfaces, their light, and whether the volume is shown.
-    Surfaces(SurfaceLook),
+    Surfaces(Box<SurfaceLook>),
     /// Shows the next of volume, surfaces and both.
     NextShown,
     /// Moves the last isosurface by hundredths of the field's range.

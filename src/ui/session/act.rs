@@ -107,7 +107,7 @@ impl Session {
                 self.leave(|followed| followed.optics = false);
             }
             Action::Surfaces(surfaces) => {
-                self.look.surfaces = surfaces;
+                self.look.surfaces = *surfaces;
                 self.leave(|followed| followed.surfaces = false);
             }
             Action::NextShown => {

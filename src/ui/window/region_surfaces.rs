@@ -20,8 +20,9 @@ pub(super) fn show(ui: &mut Ui, fields: &[StoredField], surfaces: &mut Vec<Domai
             if let Some(chosen) = &mut surface.regions {
                 regions::choose(ui, &ranges, chosen, &name);
             }
+            ui.horizontal(|ui| colors(ui, surface, &name));
             ui.horizontal(|ui| {
-                if drawing(ui, surface, &name) {
+                if opacity(ui, surface, &name) {
                     removed = Some(at);
                 }
             });
@@ -36,8 +37,8 @@ pub(super) fn show(ui: &mut Ui, fields: &[StoredField], surfaces: &mut Vec<Domai
     }
 }
 
-/// How a surface is drawn; whether it is to be removed.
-fn drawing(ui: &mut Ui, surface: &mut DomainSurface, name: &impl Fn(&str) -> String) -> bool {
+/// How a surface is drawn, and its colour.
+fn colors(ui: &mut Ui, surface: &mut DomainSurface, name: &impl Fn(&str) -> String) {
     let styles =
         [(DomainStyle::Solid, "solid"), (DomainStyle::Wireframe, "wireframe"), (DomainStyle::Edges, "feature edges")];
     choice(ui, &name("Style of the regions' surface"), &mut surface.style, &styles);
@@ -49,6 +50,10 @@ fn drawing(ui: &mut Ui, surface: &mut DomainSurface, name: &impl Fn(&str) -> Str
     if surface.color.is_some() && ui.small_button("auto").on_hover_text(auto).clicked() {
         surface.color = None;
     }
+}
+
+/// The opacity of a surface; whether it is to be removed.
+fn opacity(ui: &mut Ui, surface: &mut DomainSurface, name: &impl Fn(&str) -> String) -> bool {
     let mut percent = 100.0 * surface.opacity;
     let value = DragValue::new(&mut percent).range(0.0..=100.0).speed(0.5).max_decimals(0).suffix(" %");
     if number(ui, value, &name("Opacity of the regions' surface")).changed() {

@@ -59,7 +59,7 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
         cuts(ui, session, &mut look);
     }
     if look != before {
-        actions.push(Action::Surfaces(look));
+        actions.push(Action::Surfaces(Box::new(look)));
     }
 }
 
