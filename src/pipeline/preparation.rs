@@ -7,7 +7,7 @@ use super::region_values::{RegionFields, RegionValues};
 use super::residual::AddDetails;
 use super::series::Series;
 use super::shells::{ShellCells, Shells};
-use super::steps::StepCache;
+use super::steps::{StepCache, StepCaches};
 use super::transparent::TransparentCache;
 use super::{
     Backend, DrawnBy, FaceDetail, FrameRequest, FrameTime, PipelineError, RequestError, SampleSet, TetLayer, Upsampling,
@@ -60,7 +60,7 @@ pub(super) struct Decode {
     transparent: TransparentCache,
     colors: Option<SurfaceColors>,
     /// Decoded steps of other fields, by name.
-    beside: Vec<(String, StepCache)>,
+    beside: StepCaches,
     region_fields: RegionFields,
     blank: Option<Blank>,
 }
@@ -129,16 +129,11 @@ impl Decode {
         cancel: &Cancel,
         stats: &mut FrameStats,
     ) -> Result<Vec<FieldBeside>, PipelineError> {
-        self.beside.retain(|(field, _)| layer.beside.iter().any(|of| of.field == *field));
+        self.beside.keep(|field| layer.beside.iter().any(|of| of.field == field));
         let decoded = layer.beside.iter().map(|of| {
             let no_field = |error| RequestError::NoFieldBeside(format!("'{}': {error}", of.field));
             let other = series.beside(&of.field.parse().map_err(no_field)?)?;
-            let known = self.beside.iter().position(|(field, _)| *field == of.field);
-            let place = known.unwrap_or_else(|| {
-                self.beside.push((of.field.clone(), StepCache::default()));
-                self.beside.len() - 1
-            });
-            let scalars = self.beside[place].1.show(&other, time, None, cancel, stats)?;
+            let scalars = self.beside.of(&of.field).show(&other, time, None, cancel, stats)?;
             let scalars = other.scalars(scalars.ok_or(PipelineError::Cancelled)?);
             Ok(FieldBeside { scalars, colors: of.colors.clone() })
         });

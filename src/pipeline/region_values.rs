@@ -1,7 +1,7 @@
 //! Values of the cells by which a layer chooses regions, and around which it draws surfaces.
 
 use super::series::Series;
-use super::steps::StepCache;
+use super::steps::StepCaches;
 use super::{FrameTime, PipelineError, RequestError, TetLayer};
 use crate::field::{Association, Blocks, FieldSelector, Regions};
 use crate::stats::FrameStats;
@@ -24,7 +24,7 @@ impl RegionValues {
 /// Decoded steps of the fields by which regions are chosen, by name.
 #[derive(Debug, Default)]
 pub(super) struct RegionFields {
-    steps: Vec<(String, StepCache)>,
+    steps: StepCaches,
 }
 
 impl RegionFields {
@@ -43,7 +43,7 @@ impl RegionFields {
         let mut fields: Vec<&str> = layer.all_regions().map(|regions| regions.field.as_str()).collect();
         fields.sort_unstable();
         fields.dedup();
-        self.steps.retain(|(field, _)| fields.contains(&field.as_str()));
+        self.steps.keep(|field| fields.contains(&field));
         let mut by_field = Vec::with_capacity(fields.len());
         for field in fields {
             by_field.push((field.to_owned(), self.of_field(series, field, time, cancel, stats)?));
@@ -70,12 +70,7 @@ impl RegionFields {
             let problem = "has values of vertices; regions are chosen by a field of cells";
             return Err(RequestError::NoRegions(format!("'{field}' {problem}")).into());
         }
-        let known = self.steps.iter().position(|(known, _)| known == field);
-        let place = known.unwrap_or_else(|| {
-            self.steps.push((field.to_owned(), StepCache::default()));
-            self.steps.len() - 1
-        });
-        let values = self.steps[place].1.show(&of, time.step().into(), None, cancel, stats)?;
+        let values = self.steps.of(field).show(&of, time.step().into(), None, cancel, stats)?;
         values.ok_or(PipelineError::Cancelled)
     }
 }

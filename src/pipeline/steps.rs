@@ -53,6 +53,29 @@ pub(super) struct StepCache {
     uses: u64,
 }
 
+/// The caches of several fields, by their names.
+#[derive(Debug, Default)]
+pub(super) struct StepCaches {
+    by_field: Vec<(String, StepCache)>,
+}
+
+impl StepCaches {
+    /// Drops those of other fields.
+    pub(super) fn keep(&mut self, is_needed: impl Fn(&str) -> bool) {
+        self.by_field.retain(|(field, _)| is_needed(field));
+    }
+
+    /// The cache of a field, which is made if there is none.
+    pub(super) fn of(&mut self, field: &str) -> &mut StepCache {
+        let known = self.by_field.iter().position(|(known, _)| known == field);
+        let place = known.unwrap_or_else(|| {
+            self.by_field.push((field.to_owned(), StepCache::default()));
+            self.by_field.len() - 1
+        });
+        &mut self.by_field[place].1
+    }
+}
+
 impl StepCache {
     /// The scalars at a time, one per vertex or cell, at least in the `needed` chunks of [`Clusters::SCALARS`] (`None`: all); `None` if `cancel`
     /// was raised. The other chunks are filled with their least scalar. A call that needs further chunks of a held time fills all of them.

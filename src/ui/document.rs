@@ -109,20 +109,20 @@ impl Document {
         self.gesture = gesture;
     }
 
-    /// Returns to the state before the last change; false if there is none.
-    pub(super) fn undo(&mut self, look: &mut Look) -> bool {
-        let Some(before) = self.undo.pop_back() else { return false };
-        self.redo.push(self.state(look));
-        self.turn_to(before, look);
-        true
+    /// Returns to the state before the last change, if there is one.
+    pub(super) fn undo(&mut self, look: &mut Look) {
+        if let Some(before) = self.undo.pop_back() {
+            self.redo.push(self.state(look));
+            self.turn_to(before, look);
+        }
     }
 
-    /// Returns to the state that was undone last; false if there is none.
-    pub(super) fn redo(&mut self, look: &mut Look) -> bool {
-        let Some(after) = self.redo.pop() else { return false };
-        self.undo.push_back(self.state(look));
-        self.turn_to(after, look);
-        true
+    /// Returns to the state that was undone last, if there is one.
+    pub(super) fn redo(&mut self, look: &mut Look) {
+        if let Some(after) = self.redo.pop() {
+            self.undo.push_back(self.state(look));
+            self.turn_to(after, look);
+        }
     }
 
     fn turn_to(&mut self, state: State, look: &mut Look) {
@@ -136,10 +136,9 @@ impl Document {
         (self.undo.len(), self.redo.len())
     }
 
-    /// Takes this state as the first one: no change before it can be undone.
-    pub(super) fn begin_here(&mut self, look: &Look) {
+    /// Forgets earlier states: no change so far can be undone.
+    pub(super) fn forget_changes(&mut self) {
         (self.undo, self.redo, self.gesture) = (VecDeque::new(), Vec::new(), None);
-        self.saved = self.state(look);
     }
 
     /// Whether the state differs from that in the file, or from that with which the window was opened.

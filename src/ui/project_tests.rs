@@ -266,6 +266,30 @@ fn the_ensemble_that_weighs_more_is_edited() {
 }
 
 #[test]
+fn another_field_is_a_change_of_the_file() {
+    let series = series();
+    let mut desk = open(&series, &project(&ensembles()));
+    let file = tempfile::tempdir().unwrap();
+    let path = file.path().join("a.b");
+    desk.act(Action::SaveProject { to: Some(path.clone()), may_replace: false });
+    assert!(desk.session.is_saving());
+    wait_for("the file", || {
+        desk.session.tick(desk.now);
+        desk.session.project_file().map(Path::to_owned)
+    });
+    assert!(!desk.session.is_changed() && !desk.session.is_saving());
+    assert_eq!(desk.session.project_file(), Some(&*file.path().join("a.b.toml")), "the name of a project");
+    let other = store().fields().iter().find(|field| field.name != series.field().name).expect("a second field");
+    desk.act(Action::Field(other.name.parse().unwrap()));
+    wait_for("the field", || {
+        desk.settle();
+        (!desk.session.opens_field()).then_some(())
+    });
+    assert!(desk.session.is_changed());
+    assert_eq!(desk.session.to_project(&path).data.field, other.name.parse().ok());
+}
+
+#[test]
 fn a_gesture_is_undone_at_once() {
     let series = series();
     let mut desk = open(&series, &project(&ensembles()));

@@ -21,7 +21,7 @@ use crate::playback::{Player, State};
 use crate::project::{Data, Project};
 use crate::store::Store;
 use crate::timeline::At;
-use crate::transfer::{Ensemble, Function, MappedRange, Member, RangePolicy, TransferFunction};
+use crate::transfer::{Function, MappedRange, Member, RangePolicy, TransferFunction};
 pub use quality::{DEFAULT_TARGET_FPS, TARGET_FPS};
 use std::cell::OnceCell;
 use std::io;
@@ -132,6 +132,7 @@ pub struct Session {
     help_is_open: bool,
     jobs: Jobs,
     opens_field: bool,
+    is_saving: bool,
     wants_screenshot: bool,
     screenshot_folder: PathBuf,
     /// Number of cells of each connected part of the mesh; computed at first use.
@@ -192,6 +193,7 @@ impl Session {
             help_is_open: false,
             jobs: Jobs::new(wake),
             opens_field: false,
+            is_saving: false,
             wants_screenshot: false,
             screenshot_folder,
             part_sizes: OnceCell::new(),
@@ -281,6 +283,11 @@ impl Session {
         self.document.file()
     }
 
+    /// Whether the project is being written.
+    pub fn is_saving(&self) -> bool {
+        self.is_saving
+    }
+
     /// Begins or ends a gesture: changes within it are undone together.
     pub fn hold(&mut self, is_held: bool) {
         if is_held && self.gesture.is_none() {
@@ -294,14 +301,15 @@ impl Session {
         self.shown.as_ref().map(|shown| shown.request.time.time(self.series().times()))
     }
 
-    /// The transfer function of the picture, if it has one member alone whose colours are those of a map.
+    /// The transfer function of the picture, if it is that of a single member whose range is not stretched.
     fn only_function(&self) -> Option<&TransferFunction> {
         let mixed = self.shown_time().and_then(|at| self.project().timeline.ensembles.at(at));
         let is_mixed = self.look.followed.ensembles == Default::default() && matches!(mixed, Some(At::Between { .. }));
-        let is_used = |ensemble: &&Ensemble| ensemble.members.iter().filter(|member| member.enabled).count() == 1;
-        let ensemble = self.project().ensembles.get(self.edited_ensemble()).filter(is_used).filter(|_| !is_mixed)?;
-        let is_plain = |member: &&Member| member.enabled && member.map == Default::default();
-        self.function().filter(|_| ensemble.members.len() == 1 && self.member().as_ref().is_some_and(is_plain))
+        let ensemble = self.project().ensembles.get(self.edited_ensemble())?;
+        let is_stretched = self.project().timeline.maps.iter().any(|track| track.ensemble == ensemble.name);
+        let [member] = ensemble.members.as_slice() else { return None };
+        let is_plain = member.enabled && member.map == Default::default() && !is_stretched && !is_mixed;
+        self.function().filter(|_| is_plain)
     }
 
     /// Whether the camera follows the project's path.

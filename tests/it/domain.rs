@@ -40,6 +40,28 @@ pub(crate) fn through_box((lo, hi): (DVec3, DVec3), request: &FrameRequest, pixe
     (exit > enter && exit > 0.0).then_some((enter, exit))
 }
 
+/// Checks that a picture is that of a white box of opacity 0.5; returns how many of its rays miss and meet it.
+pub(crate) fn is_box(found: &Planes, bounds: (DVec3, DVec3), request: &FrameRequest, name: &str) -> [usize; 2] {
+    let eye = request.camera.position;
+    let is_inside = eye.cmpgt(bounds.0).all() && eye.cmplt(bounds.1).all();
+    let mut seen = [0, 0];
+    for pixel in 0..SIZE.0 * SIZE.1 {
+        let through = through_box(bounds, request, pixel);
+        let (opacity, depth) = match through {
+            None => (0.0, f64::INFINITY),
+            Some((enter, exit)) if enter <= 0.0 && is_inside => (0.5, exit),
+            Some((enter, _)) => (0.75, enter),
+        };
+        seen[usize::from(opacity > 0.0)] += 1;
+        // A ray that meets an edge of the box within rounding may go either way.
+        let grazes = through.is_some_and(|(enter, exit)| exit - enter < 1e-4);
+        let (rgba, at) = (found.color.pixels[pixel], f64::from(found.depth.pixels[pixel]));
+        assert!(grazes || rgba == [opacity as f32; 4], "{name}, pixel {pixel}: {rgba:?}");
+        assert!(grazes || at == depth || (at - depth).abs() < 1e-5, "{name}, pixel {pixel}: {at}, not {depth}");
+    }
+    seen
+}
+
 #[test]
 fn a_ray_meets_a_box_where_it_enters_and_where_it_leaves_and_once_from_within() {
     let temp = tempfile::tempdir().unwrap();
@@ -53,21 +75,7 @@ fn a_ray_meets_a_box_where_it_enters_and_where_it_leaves_and_once_from_within() 
         let request = FrameRequest { camera, ..request.clone() };
         for draw in [TetDraw::Raycast, TetDraw::ALL_FACES, TetDraw::Reference] {
             let found = planes(&mut pipeline, &request, draw);
-            let mut seen = [0, 0];
-            for pixel in 0..SIZE.0 * SIZE.1 {
-                let through = through_box((lo, hi), &request, pixel);
-                let (opacity, depth) = match through {
-                    None => (0.0, f64::INFINITY),
-                    Some((enter, exit)) if enter <= 0.0 && name == "inside" => (0.5, exit),
-                    Some((enter, _)) => (0.75, enter),
-                };
-                seen[usize::from(opacity > 0.0)] += 1;
-                // A ray that meets an edge of the box within rounding may go either way.
-                let grazes = through.is_some_and(|(enter, exit)| exit - enter < 1e-4);
-                let (rgba, at) = (found.color.pixels[pixel], f64::from(found.depth.pixels[pixel]));
-                assert!(grazes || rgba == [opacity as f32; 4], "{name}, {draw:?}, pixel {pixel}: {rgba:?}");
-                assert!(grazes || at == depth || (at - depth).abs() < 1e-5, "{name}, pixel {pixel}: {at}, not {depth}");
-            }
+            let seen = is_box(&found, (lo, hi), &request, &format!("{name}, {draw:?}"));
             assert!(seen[1] > 500 && (seen[0] > 100 || name == "inside"), "{name}: {seen:?}");
         }
     }

@@ -1,7 +1,7 @@
 //! Surfaces of regions: against closed forms on boxes, beside the volume of others, where they touch, and in holes.
 
 use crate::cubes::cubes;
-use crate::domain::{SIZE, planes, through_box};
+use crate::domain::{SIZE, is_box, planes};
 use crate::series::{colors_for, ingested};
 use glam::DVec3;
 use tetreel::camera::{Camera, Projection};
@@ -75,20 +75,7 @@ fn the_surface_of_a_region_is_that_of_its_box_whatever_the_volume_shows() {
             let request = FrameRequest { camera, ..request.clone() };
             let request = request.with_tets(|tets| tets.regions = shown.map(|shown| shown.parse().unwrap()));
             let found = planes(&mut pipeline, &request, draw);
-            let mut seen = [0, 0];
-            for pixel in 0..SIZE.0 * SIZE.1 {
-                let through = through_box(bounds, &request, pixel);
-                let (opacity, depth) = match through {
-                    None => (0.0, f64::INFINITY),
-                    Some((enter, exit)) if enter <= 0.0 && name == "inside" => (0.5, exit),
-                    Some((enter, _)) => (0.75, enter),
-                };
-                seen[usize::from(opacity > 0.0)] += 1;
-                let grazes = through.is_some_and(|(enter, exit)| exit - enter < 1e-4);
-                let (rgba, at) = (found.color.pixels[pixel], f64::from(found.depth.pixels[pixel]));
-                assert!(grazes || rgba == [opacity as f32; 4], "{name}, {draw:?}, {shown:?}, {pixel}: {rgba:?}");
-                assert!(grazes || at == depth || (at - depth).abs() < 1e-5, "{name}, {pixel}: {at}, not {depth}");
-            }
+            let seen = is_box(&found, bounds, &request, &format!("{name}, {draw:?}, {shown:?}"));
             assert!(seen[1] > 200 && (seen[0] > 100 || name == "inside"), "{name}: {seen:?}");
         }
     }

@@ -5,12 +5,11 @@ use super::{IMAGE_SCALES, Session, TARGET_FPS};
 use crate::camera::{Camera, CameraError};
 use crate::files;
 use crate::look::{EnsembleChoice, Followed, Look};
-use crate::pipeline::FrameTime;
+use crate::pipeline::{FrameTime, Shown};
 use crate::playback::{Command, Loop, Mode, State, StepRange};
-use crate::project::{Data, Edit, LookSettings, Project, Timeline};
+use crate::project::{Data, Edit, LookSettings, Project, Timeline, is_project};
 use crate::transfer::{FirstLook, Function, Member, PositionKind, TransferError, TransferFunction};
 use crate::ui::Action;
-use crate::ui::document::Document;
 use std::path::{Path, PathBuf, absolute};
 use std::time::Duration;
 
@@ -23,26 +22,16 @@ const BUSY: Duration = Duration::from_millis(250);
 impl Session {
     /// Applies a user action. Changes of what is shown can be undone.
     pub fn act(&mut self, action: Action, now: Duration) {
-        match action {
-            // Pointing does not reserve the core.
-            Action::PointAt(place) => {
-                let series = self.series().clone();
-                self.insight.point_at(place, &series, self.shown.as_ref().map(|shown| &shown.request));
-                return;
-            }
-            Action::Undo => self.turn_back(Document::undo),
-            Action::Redo => self.turn_back(Document::redo),
-            action => {
-                let before = self.document.state(&self.look);
-                self.apply(action, now);
-                self.document.record(before, &self.look, self.gesture);
-            }
+        // Pointing does not reserve the core.
+        if !matches!(action, Action::PointAt(_)) {
+            self.busy_until = now.saturating_add(BUSY);
         }
-        self.busy_until = now.saturating_add(BUSY);
-    }
-
-    fn turn_back(&mut self, turn: fn(&mut Document, &mut Look) -> bool) {
-        turn(&mut self.document, &mut self.look);
+        let is_change = !matches!(action, Action::Undo | Action::Redo);
+        let before = self.document.state(&self.look);
+        self.apply(action, now);
+        if is_change {
+            self.document.record(before, &self.look, self.gesture);
+        }
     }
 
     fn apply(&mut self, action: Action, now: Duration) {
@@ -97,6 +86,8 @@ impl Session {
             }
             Action::Range(range) => self.edit_member(|member| member.range = range),
             Action::Edit(edit) => self.edit(*edit),
+            Action::Undo => self.document.undo(&mut self.look),
+            Action::Redo => self.document.redo(&mut self.look),
             Action::SaveProject { to, may_replace } => self.save_project(to, may_replace),
             Action::Member(index) => self.member = index,
             Action::Background(color) => self.background = color,
@@ -143,7 +134,10 @@ impl Session {
             Action::ImageScale(scale) => {
                 self.image_scale = scale.clamp(*IMAGE_SCALES.start(), *IMAGE_SCALES.end());
             }
-            Action::PointAt(_) | Action::Undo | Action::Redo => {}
+            Action::PointAt(place) => {
+                let series = self.series().clone();
+                self.insight.point_at(place, &series, self.shown.as_ref().map(|shown| &shown.request));
+            }
             Action::Pick => self.insight.pick(),
             Action::ForgetPick => self.insight.forget_pick(),
             Action::Screenshot => self.wants_screenshot = true,
@@ -233,10 +227,12 @@ impl Session {
             return;
         };
         let file = absolute(&file).unwrap_or(file);
-        let file = if file.extension().is_some() { file } else { file.with_extension("toml") };
+        let file = if is_project(&file) { file } else { file.with_added_extension("toml") };
         let project = self.to_project(&file);
         let state = self.document.state(&self.look);
-        self.jobs.write_project(project, file.clone(), may_replace || own == Some(file), state);
+        let may_replace = may_replace || own.as_ref() == Some(&file);
+        self.jobs.write_project(project, file, may_replace, state);
+        self.is_saving = true;
     }
 
     /// What is shown, as a project in this file. Where the timeline has keys it is the timeline's, whatever the user turned to meanwhile.
@@ -249,7 +245,14 @@ impl Session {
             EnsembleChoice::One(index) => project.ensembles.get(index).map(|ensemble| ensemble.name.clone()),
             EnsembleChoice::Project => project.look.ensemble.clone(),
         };
-        let shown = Look { camera: self.camera(), ..self.look.clone() };
+        let mut shown = Look { camera: self.camera(), ..self.look.clone() };
+        let timeline = &project.timeline;
+        if shown.surfaces.shown == Shown::Volume
+            && !(timeline.isovalue.keys().is_empty() && timeline.iso_opacity.keys().is_empty())
+        {
+            // The keys are of a surface, which is hidden at the moment.
+            shown.surfaces.shown = Shown::Both;
+        }
         let usual = Look::default_for(self.series(), self.look.tf.clone()).unwrap_or_else(|_| shown.clone());
         Project {
             data: Data { source, ..project.data },
@@ -270,7 +273,7 @@ impl Session {
         let mut data = self.project().data.clone();
         data.field = name.parse().ok();
         self.edit(Edit::SetData(data));
-        self.document.begin_here(&self.look);
+        self.document.forget_changes();
     }
 
     /// Stops following some settings of the project, if it has a timeline.

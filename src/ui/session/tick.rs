@@ -168,14 +168,19 @@ impl Session {
                     notice::add(&mut self.notices, NoticeKind::Done, format!("saved {}", path.display()));
                 }
                 Done::Screenshot(Err(error)) => self.fail(error.to_string()),
-                Done::Project(Ok(path), state) => {
-                    notice::add(&mut self.notices, NoticeKind::Done, format!("saved {}", path.display()));
-                    self.document.set_file(path, *state);
+                Done::Project(written, state) => {
+                    self.is_saving = false;
+                    match written {
+                        Ok(path) => {
+                            notice::add(&mut self.notices, NoticeKind::Done, format!("saved {}", path.display()));
+                            self.document.set_file(path, *state);
+                        }
+                        Err(error) => self.fail(error.to_string()),
+                    }
                 }
-                Done::Project(Err(error), _) => self.fail(error.to_string()),
                 Done::Compared(error) => self.motion_error = Some(error),
                 Done::Failed(problem) => {
-                    self.opens_field = false;
+                    (self.opens_field, self.is_saving) = (false, false);
                     self.fail(problem);
                 }
                 Done::Series(series, looks) => {

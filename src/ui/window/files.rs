@@ -63,7 +63,13 @@ impl PlayerWindow {
         let Some((opening, dress)) = &self.opening else { return };
         let (Some(ended), dress) = (opening.take(), dress.clone()) else { return };
         self.opening = None;
+        let has_changes = self.session.as_ref().is_some_and(Unsaved::has_changes);
+        let are_discarded = std::mem::take(&mut self.unsaved.are_discarded);
         match ended {
+            // Made while it was opened.
+            OpeningEnd::Opened(opened) if has_changes && !are_discarded => {
+                self.unsaved.ask(Leaving::Play(opened, dress));
+            }
             OpeningEnd::Opened(opened) => self.play(*opened, &dress),
             OpeningEnd::Cancelled => {}
             OpeningEnd::Failed(problem) => self.fail(problem),
@@ -82,6 +88,7 @@ impl PlayerWindow {
     pub(super) fn leave_now(&mut self, ctx: &egui::Context, leaving: Leaving) {
         match leaving {
             Leaving::Open(paths) => self.open_wish(paths),
+            Leaving::Play(opened, dress) => self.play(*opened, &dress),
             Leaving::Close => {
                 self.is_closing = true;
                 ctx.send_viewport_cmd(egui::ViewportCommand::Close);

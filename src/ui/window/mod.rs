@@ -449,7 +449,16 @@ impl PlayerWindow {
         // Behind all widgets, whose positions are not known yet.
         let (backdrop, whole) = (ui.painter().add(egui::Shape::Noop), ui.available_rect_before_wrap());
         let panel = egui::Frame::side_top_panel(ui.style()).fill(egui::Color32::TRANSPARENT);
-        session.hold(ctx.input(|input| input.pointer.any_down()));
+        if ctx.current_pass_index() == 0 {
+            let [begins, goes_on] = ctx.input(|input| {
+                // What a widget does with the release belongs to the gesture.
+                [input.pointer.any_pressed(), input.pointer.any_down() || input.pointer.any_released()]
+            });
+            if begins {
+                session.hold(false);
+            }
+            session.hold(goes_on);
+        }
         let mut actions = input::pressed(&ctx);
         popups::notices(ui, session, &mut actions);
         let shows_side = &mut self.keeper.settings_mut().shows_side;

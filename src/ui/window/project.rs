@@ -3,7 +3,7 @@
 use super::overlay::shortened;
 use super::widgets::labelled;
 use crate::look::EnsembleChoice;
-use crate::project::{Edit, Project};
+use crate::project::{Edit, Project, Timeline};
 use crate::timeline::At;
 use crate::transfer::Ensemble;
 use crate::ui::{Action, Session};
@@ -27,14 +27,18 @@ pub(super) struct ProjectMenu {
 /// Whether a project says more than a look: its part of the side panel is shown then.
 pub(super) fn says_more(session: &Session) -> bool {
     let project = session.project();
-    let has_choice = project.ensembles.len() > 1 || project.ensembles.iter().any(|of| of.members.len() > 1);
-    has_choice || !project.timeline.cameras.keys().is_empty()
+    has_choice(project) || project.ensembles.iter().any(|of| of.members.len() > 1)
+}
+
+/// Whether there is something to choose from: ensembles, or the timeline.
+fn has_choice(project: &Project) -> bool {
+    project.ensembles.len() > 1 || project.timeline != Timeline::default()
 }
 
 /// Shows the project's part of the side panel.
 pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     let project = session.project();
-    if project.ensembles.len() > 1 {
+    if has_choice(project) {
         ensembles(ui, session, project, actions);
     }
     let edited = session.edited_ensemble();
@@ -104,7 +108,8 @@ fn file(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
         let is_changed = session.is_changed();
         let name = if is_changed { format!("{name}, changed") } else { name };
         ui.label(name).on_hover_text(path.display().to_string());
-        if ui.add_enabled(is_changed, Button::new("Save")).on_hover_text("Ctrl S").clicked() {
+        // The camera, which may have moved, is saved, too.
+        if ui.button("Save").on_hover_text("Ctrl S").clicked() {
             actions.push(Action::SaveProject { to: None, may_replace: false });
         }
     });

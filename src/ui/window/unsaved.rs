@@ -1,25 +1,30 @@
 //! Asks what becomes of changes of a project that are not saved, before another file is opened or the window is closed.
 
-use crate::ui::{Action, NoticeKind, Session};
+use super::Dress;
+use crate::ui::opening::Opened;
+use crate::ui::{Action, Session};
 use eframe::egui;
 use egui::{Id, Modal};
 use std::path::PathBuf;
 
 /// What ends the session.
-#[derive(Debug)]
 pub(super) enum Leaving {
     /// Other files are opened.
     Open(Vec<PathBuf>),
+    /// What has been opened is played.
+    Play(Box<Opened>, Dress),
     /// The window is closed.
     Close,
 }
 
 /// The question, while it is open.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(super) struct Unsaved {
     leaving: Option<Leaving>,
-    /// Whether the project is being written.
-    is_saving: bool,
+    /// Whether the user wants the changes saved.
+    saves: bool,
+    /// Whether the user lets the changes go, until other files are open.
+    pub(super) are_discarded: bool,
 }
 
 impl Unsaved {
@@ -30,7 +35,7 @@ impl Unsaved {
 
     /// Opens the question.
     pub(super) fn ask(&mut self, leaving: Leaving) {
-        *self = Self { leaving: Some(leaving), is_saving: false };
+        *self = Self { leaving: Some(leaving), ..Self::default() };
     }
 
     /// Shows the question, if it is open; returns what the user leaves for, once nothing is in the way.
@@ -41,12 +46,12 @@ impl Unsaved {
         actions: &mut Vec<Action>,
     ) -> Option<Leaving> {
         self.leaving.as_ref()?;
-        if self.is_saving {
-            let has_failed = session.notices().iter().any(|notice| notice.kind == NoticeKind::Error);
-            if has_failed {
-                *self = Self::default();
+        if self.saves {
+            if session.is_saving() {
+                return None;
             }
-            return if session.is_changed() { None } else { self.leaving.take() };
+            // Where they could not be written, the session says why, and the user stays.
+            return std::mem::take(self).leaving.filter(|_| !session.is_changed());
         }
         let mut answer = None;
         let modal = Modal::new(Id::unique("unsaved changes")).show(ctx, |ui| {
@@ -55,10 +60,11 @@ impl Unsaved {
             ui.horizontal(|ui| {
                 if ui.button("Save them").clicked() {
                     actions.push(Action::SaveProject { to: None, may_replace: false });
-                    self.is_saving = true;
+                    self.saves = true;
                 }
                 if ui.button("Discard them").clicked() {
                     answer = self.leaving.take();
+                    self.are_discarded = true;
                 }
                 if ui.button("Stay here").clicked() {
                     self.leaving = None;
