@@ -25,8 +25,8 @@ pub(super) enum Done {
     Screenshot(FileResult<PathBuf>),
     /// A field was opened; first looks of the field before it and of this one.
     Series(Arc<Series>, Box<[FirstLook; 2]>),
-    /// Error of the last picture of a motion against the one in full.
-    Compared(MotionError),
+    /// Error of the last picture of a motion against the one in full, and the number of the comparison.
+    Compared(MotionError, u64),
     /// A project was written, that of this state; or why not.
     Project(Result<PathBuf, ProjectError>, Box<State>),
     /// A field cannot be opened, or a job failed through a fault of this program or for want of a thread.
@@ -38,17 +38,19 @@ pub(super) struct Jobs {
     wake: Arc<dyn Fn() + Send + Sync>,
     to: Sender<Done>,
     done: Receiver<Done>,
+    /// Number of comparisons that were begun.
+    comparisons: u64,
 }
 
 impl Jobs {
     pub(super) fn new(wake: Arc<dyn Fn() + Send + Sync>) -> Self {
         let (to, done) = unbounded();
-        Self { wake, to, done }
+        Self { wake, to, done, comparisons: 0 }
     }
 
-    /// The next result.
+    /// The next result. Comparisons may end in another order than they began in: only the result of the last one begun is taken.
     pub(super) fn take(&self) -> Option<Done> {
-        self.done.try_recv().ok()
+        self.done.try_iter().find(|done| !matches!(done, Done::Compared(_, number) if *number != self.comparisons))
     }
 
     /// Opens another field of the series' store.
@@ -79,8 +81,10 @@ impl Jobs {
     }
 
     /// Computes the error of a picture.
-    pub(super) fn compare(&self, found: impl FnOnce() -> MotionError + Send + 'static) {
-        self.run(move || Done::Compared(found()));
+    pub(super) fn compare(&mut self, found: impl FnOnce() -> MotionError + Send + 'static) {
+        self.comparisons += 1;
+        let number = self.comparisons;
+        self.run(move || Done::Compared(found(), number));
     }
 
     fn run(&self, job: impl FnOnce() -> Done + Send + 'static) {
@@ -179,6 +183,27 @@ fn claim(folder: &Path, stem: &str) -> FileResult<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::playback::quality::Quality;
+    use crate::ui::worker::tests::{counted, wait_for};
+    use std::sync::atomic::Ordering;
+
+    #[test]
+    fn a_comparison_that_ends_after_a_later_one_is_not_taken() {
+        let (woken, wake) = counted();
+        let mut jobs = Jobs::new(wake);
+        let (go, gone) = unbounded();
+        let error = |ms| MotionError { quality: Quality::Exact, ms, rays: None, error: None };
+        jobs.compare(move || {
+            gone.recv().unwrap();
+            error(1.0)
+        });
+        jobs.compare(move || error(2.0));
+        wait_for("the second comparison", || (woken.load(Ordering::SeqCst) == 1).then_some(()));
+        go.send(()).unwrap();
+        wait_for("the first comparison", || (woken.load(Ordering::SeqCst) == 2).then_some(()));
+        let taken: Vec<_> = std::iter::from_fn(|| jobs.take()).collect();
+        assert!(matches!(&taken[..], [Done::Compared(error, _)] if error.ms == 2.0), "{} results", taken.len());
+    }
 
     #[test]
     fn names_say_field_and_step_and_are_never_taken_twice() {

@@ -13,10 +13,11 @@ use crate::store::Store;
 use crate::synth::{SeriesName, SynthSpec, generate};
 use crate::task::{Cancel, Silent};
 use crate::transfer::{ColorMap, Lengths, OpacityPoint, RangePolicy, TransferFunction};
+use crate::ui::worker::tests::wait_for;
 use glam::DVec2;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 const LONG: Duration = Duration::from_secs(60);
 
@@ -95,8 +96,9 @@ impl Desk {
 
     /// Ticks until no more frames come without time passing; returns how many new frames were shown.
     pub(super) fn settle(&mut self) -> usize {
-        let mut shown = 0;
+        let (mut shown, begun) = (0, Instant::now());
         loop {
+            assert!(begun.elapsed() < 3 * LONG, "it does not come to rest");
             let (is_new, _) = self.session.tick(self.now);
             shown += usize::from(is_new);
             if !is_new && !self.session.player.wait(LONG) {
@@ -113,6 +115,14 @@ impl Desk {
         self.now += Duration::from_millis(ms);
     }
 
+    /// Ticks until a field that opens is there.
+    pub(super) fn wait_for_field(&mut self) {
+        wait_for("field", || {
+            self.session.tick(self.now);
+            (!self.session.opens_field()).then_some(())
+        });
+    }
+
     fn step(&self) -> usize {
         self.session.state().frame.unwrap().step()
     }
@@ -126,9 +136,7 @@ impl Desk {
 fn paused_and_still_nothing_is_asked_of_the_pipeline() {
     let (mut desk, log) = Desk::fake(5);
     assert_eq!(desk.settle(), 1);
-    while !desk.session.survey().is_over {
-        std::thread::sleep(Duration::from_millis(1));
-    }
+    wait_for("end of the survey", || desk.session.survey().is_over.then_some(()));
     let decoded = log.decoded();
     for _ in 0..100 {
         desk.later(100);
@@ -252,12 +260,11 @@ fn while_the_camera_moves_less_is_drawn_if_it_is_slow_and_all_of_it_afterwards()
         if family.is_none() {
             assert!(rest.frame.planes == whole, "the view is that of the beginning");
         }
-        // Both comparisons are done by then or a little later.
-        while desk.session.motion_error().is_none_or(|error| error.quality != shown.quality) {
-            std::thread::yield_now();
+        // The comparison is done by then or a little later.
+        let error = wait_for("error of the motion", || {
             desk.session.tick(desk.now);
-        }
-        let error = desk.session.motion_error().unwrap();
+            desk.session.motion_error().filter(|error| error.quality == shown.quality)
+        });
         assert_eq!(error.rays.is_some(), family.is_none());
         assert!(error.error.is_some_and(|error| error.rmse > 0.0 && error.max < 1.0), "{error:?}");
         turn(&mut desk, 0.1);
@@ -456,18 +463,12 @@ fn another_field_is_opened_aside_and_played_at_the_same_step() {
     let before = desk.shown().frame.planes.color.clone();
     desk.act(Action::Field(other.parse().unwrap()));
     assert!(desk.session.opens_field());
-    while desk.session.opens_field() {
-        std::thread::yield_now();
-        desk.session.tick(desk.now);
-    }
+    desk.wait_for_field();
     desk.settle();
     assert_eq!((&desk.session.series().field().name, desk.step()), (other, 2));
     assert!(desk.shown().frame.planes.color != before);
     desk.act(Action::Field("nothing".parse().unwrap()));
-    while desk.session.opens_field() {
-        std::thread::yield_now();
-        desk.session.tick(desk.now);
-    }
+    desk.wait_for_field();
     assert!(desk.session.notices()[0].text.contains("'nothing'"), "{:?}", desk.session.notices());
     assert_eq!(&desk.session.series().field().name, other);
 }
@@ -481,10 +482,10 @@ fn screenshots_are_the_picture_in_full_and_never_overwrite() {
     for _ in 0..2 {
         desk.act(Action::Screenshot);
         desk.session.tick(desk.now);
-        while desk.session.notices().is_empty() {
-            std::thread::yield_now();
+        wait_for("notice", || {
             desk.session.tick(desk.now);
-        }
+            (!desk.session.notices().is_empty()).then_some(())
+        });
         assert_eq!(desk.session.notices()[0].kind, NoticeKind::Done, "{:?}", desk.session.notices());
         desk.act(Action::Dismiss(0));
     }

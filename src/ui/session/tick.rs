@@ -178,7 +178,7 @@ impl Session {
                         Err(error) => self.fail(error.to_string()),
                     }
                 }
-                Done::Compared(error) => self.motion_error = Some(error),
+                Done::Compared(error, _) => self.motion_error = Some(error),
                 Done::Failed(problem) => {
                     (self.opens_field, self.is_saving) = (false, false);
                     self.fail(problem);
