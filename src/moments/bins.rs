@@ -17,6 +17,21 @@ impl AxisScale {
     pub const OCTAVES: usize = 16;
 }
 
+/// The intervals between each two of `cuts`, which must be ascending, in which a bin from `from` to `to` lies: their index and the share of the
+/// bin's width, above 0 and at most 1. A bin without width is in one interval, the last that contains it.
+pub fn shares([from, to]: [f64; 2], cuts: &[f64]) -> impl Iterator<Item = (usize, f64)> {
+    let intervals = cuts.len().saturating_sub(1);
+    let first = cuts.partition_point(|&cut| cut <= from).saturating_sub(1).min(intervals.saturating_sub(1));
+    let is_wide = from < to;
+    let behind = if is_wide { intervals } else { intervals.min(first + 1) };
+    let share = move |i: usize| match is_wide {
+        true => (cuts[i + 1].min(to) - cuts[i].max(from)) / (to - from),
+        false => f64::from(u8::from((cuts[i]..=cuts[i + 1]).contains(&from))),
+    };
+    let reaches = move |&i: &usize| !is_wide || cuts[i] < to;
+    (first..behind).take_while(reaches).map(move |i| (i, share(i))).filter(|&(_, share)| share > 0.0)
+}
+
 /// Mantissa bits of an f32.
 const FRACTION_BITS: u32 = f32::MANTISSA_DIGITS - 1;
 

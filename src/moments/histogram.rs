@@ -1,6 +1,6 @@
 //! Histograms of values and of pairs of values.
 
-use super::bins::{AxisScale, Bins};
+use super::bins::{AxisScale, Bins, shares};
 
 /// Counts of values in [`Bins`]. NaN and infinities are in no bin.
 #[derive(Clone, Debug, PartialEq)]
@@ -71,19 +71,8 @@ impl Histogram1d {
     pub fn between(&self, scalars: &[f64]) -> Vec<f64> {
         let mut found = vec![0.0; scalars.len().saturating_sub(1)];
         for (bin, &count) in self.counts.iter().enumerate().filter(|(_, count)| **count > 0) {
-            let Some([from, to]) = self.bounds(bin) else { continue };
-            let first = scalars.partition_point(|&s| s <= from).saturating_sub(1);
-            for interval in first..found.len() {
-                let (lo, hi) = (scalars[interval].max(from), scalars[interval + 1].min(to));
-                if scalars[interval] > to {
-                    break;
-                }
-                let is_inside = (scalars[interval]..=scalars[interval + 1]).contains(&from);
-                let share = if from < to { ((hi - lo) / (to - from)).max(0.0) } else { f64::from(u8::from(is_inside)) };
+            for (interval, share) in self.bounds(bin).into_iter().flat_map(|ends| shares(ends, scalars)) {
                 found[interval] += count as f64 * share;
-                if from == to && is_inside {
-                    break;
-                }
             }
         }
         found
@@ -231,11 +220,16 @@ pub enum CountScale {
 impl CountScale {
     /// Counts as heights or shades in 0..=1: 0 for an empty bin, 1 for the fullest; all 0 if all are empty.
     pub fn heights(self, counts: &[u64]) -> Vec<f32> {
-        let of = |count: u64| match self {
-            Self::Linear => count as f64,
-            Self::Log => (count as f64).ln_1p(),
+        self.heights_of_shares(&counts.iter().map(|&count| count as f64).collect::<Vec<_>>())
+    }
+
+    /// As [`Self::heights`], of counts that need not be whole.
+    pub fn heights_of_shares(self, counts: &[f64]) -> Vec<f32> {
+        let of = |count: f64| match self {
+            Self::Linear => count,
+            Self::Log => count.ln_1p(),
         };
-        let most = of(counts.iter().copied().max().unwrap_or(0));
-        counts.iter().map(|&count| if count == 0 { 0.0 } else { (of(count) / most) as f32 }).collect()
+        let most = of(counts.iter().copied().fold(0.0, f64::max));
+        counts.iter().map(|&count| if count > 0.0 { (of(count) / most) as f32 } else { 0.0 }).collect()
     }
 }

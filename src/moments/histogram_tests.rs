@@ -334,4 +334,7 @@ fn counts_between_scalars_are_those_of_the_bins_and_shares_of_them() {
     constant.add(&[3.0; 5]);
     assert_eq!(constant.between(&[2.0, 2.5, 3.5, 4.0]), [0.0, 5.0, 0.0]);
     assert_eq!(constant.between(&[4.0, 5.0]), [0.0]);
+    // At an end of the scalars, and at an edge between two intervals.
+    assert_eq!([[3.0, 4.0], [2.0, 3.0]].map(|ends| constant.between(&ends)), [[5.0], [5.0]]);
+    assert_eq!(constant.between(&[2.0, 3.0, 4.0]), [0.0, 5.0]);
 }

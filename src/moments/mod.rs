@@ -14,7 +14,7 @@ mod spread;
 #[cfg(test)]
 mod tests;
 
-pub use bins::{AxisScale, Bins};
+pub use bins::{AxisScale, Bins, shares};
 pub use distribution::Distribution;
 pub use histogram::{CountScale, Histogram1d, Histogram2d};
 pub use spread::{CovDenominator, VertexStatistics};
