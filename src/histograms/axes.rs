@@ -41,6 +41,11 @@ pub trait Axis: Send + Sync {
         false
     }
 
+    /// Whether values need coefficients of variation, which are found from all steps.
+    fn needs_cov(&self) -> bool {
+        false
+    }
+
     /// Fills `out` with the values from index `first` on.
     fn fill(&self, step: &StepView<'_>, first: usize, out: &mut [f32]) {
         out.iter_mut().zip(first..).for_each(|(out, index)| *out = self.value(step, index));
@@ -136,5 +141,9 @@ impl Axis for CoefficientOfVariation {
 
     fn changes(&self) -> bool {
         false
+    }
+
+    fn needs_cov(&self) -> bool {
+        true
     }
 }

@@ -18,12 +18,14 @@
 //! To add a kind, implement [`Axis`] and use it in a [`Kind`]; no other code changes.
 
 mod axes;
+mod order;
 mod series;
 #[cfg(test)]
 mod tests;
 
 pub use axes::{Axis, CoefficientOfVariation, GradientMagnitude, Place, Scalar};
-pub use series::of_series;
+pub use order::{divides_evenly, spread};
+pub use series::{Counted, SeriesView, of_series};
 
 use crate::field::Association;
 use crate::mesh::Mesh;
@@ -47,7 +49,7 @@ pub struct StepView<'a> {
     pub scalars: &'a [f32],
     /// The scalars at the vertices: those of cells are averaged.
     pub at_vertices: &'a [f32],
-    /// The coefficient of variation of each scalar over all steps, with the usual denominator.
+    /// The coefficient of variation of each scalar over all steps, with the usual denominator; empty where no axis needs it.
     pub cov: &'a [f32],
 }
 
@@ -110,6 +112,11 @@ impl<'a> Kind<'a> {
         self.axes().any(|axis| axis.changes())
     }
 
+    /// Whether coefficients of variation are needed.
+    pub fn needs_cov(&self) -> bool {
+        self.axes().any(|axis| axis.needs_cov())
+    }
+
     /// An empty histogram over ranges of this kind's axes.
     ///
     /// # Panics
@@ -145,7 +152,8 @@ impl<'a> Kind<'a> {
     /// any number of threads.
     ///
     /// # Panics
-    /// If `histogram` is of another kind, or the step does not have one scalar and coefficient of variation per vertex or cell.
+    /// If `histogram` is of another kind, or the step does not have one scalar per vertex or cell, and one coefficient of variation if these
+    /// are needed.
     pub fn add(&self, histogram: &mut Histogram, step: &StepView<'_>) {
         let parts = self.parts(histogram, step, false);
         parts.iter().for_each(|part| histogram.merge(part));
@@ -166,7 +174,8 @@ impl<'a> Kind<'a> {
             Association::Point => step.mesh.vertex_source.len(),
             Association::Cell => step.mesh.topology.tets.len(),
         };
-        assert_eq!([step.scalars.len(), step.cov.len()], [count; 2], "one value a vertex or cell");
+        let cov = if self.needs_cov() { step.cov.len() } else { count };
+        assert_eq!([step.scalars.len(), cov], [count; 2], "one value a vertex or cell");
         let count = step.count(self.place());
         let parts = (count / LEAST_SAMPLES).clamp(1, rayon::current_num_threads());
         let chunks = count.div_ceil(CHUNK);
@@ -186,6 +195,16 @@ impl<'a> Kind<'a> {
     pub fn of_step(&self, ranges: Ranges, step: &StepView<'_>) -> Histogram {
         let mut histogram = self.empty(ranges);
         self.add(&mut histogram, step);
+        histogram
+    }
+
+    /// As [`Self::of_step`], but axes of octaves are widened to cover all samples.
+    ///
+    /// # Panics
+    /// As [`Self::add`].
+    pub fn of_step_widened(&self, ranges: Ranges, step: &StepView<'_>) -> Histogram {
+        let mut histogram = self.empty(ranges);
+        self.add_and_widen(&mut histogram, step);
         histogram
     }
 

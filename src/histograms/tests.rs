@@ -43,14 +43,16 @@ impl Steps {
         StepView { mesh: &self.mesh, values_of: Association::Point, scalars, at_vertices: scalars, cov: &self.cov }
     }
 
+    fn series(&self) -> SeriesView<'_> {
+        SeriesView { mesh: &self.mesh, values_of: Association::Point, scalar_range: self.range, cov: &self.cov }
+    }
+
     fn count(&self, kinds: &[Kind<'_>]) -> Vec<Histogram> {
         let read = |step: usize, out: &mut [f32]| {
             out.copy_from_slice(&self.scalars[step]);
             Ok::<_, Infallible>(true)
         };
-        of_series(kinds, &self.mesh, &self.cov, (Association::Point, self.range), self.scalars.len(), read)
-            .unwrap()
-            .unwrap()
+        of_series(kinds, &self.series(), self.scalars.len(), read).unwrap().unwrap()
     }
 }
 
@@ -211,7 +213,7 @@ fn who_asks_to_stop_gets_none_and_an_error_is_passed_on() {
     let series = Steps::noise(2, 3);
     let run = |stop_after: usize, fails: bool| {
         let mut reads = 0;
-        of_series(&Kind::ALL, &series.mesh, &series.cov, (Association::Point, series.range), 3, |_, _| {
+        of_series(&Kind::ALL, &series.series(), 3, |_, _| {
             reads += 1;
             if reads > stop_after && fails { Err("damaged") } else { Ok(reads <= stop_after) }
         })
@@ -221,6 +223,70 @@ fn who_asks_to_stop_gets_none_and_an_error_is_passed_on() {
         assert_eq!(run(stop_after, true), Err("damaged"));
     }
     assert!(run(3, true).unwrap().is_some(), "each step is read once");
+}
+
+/// Counts in another order, with a break after `pause` steps, an error and a cancelled step.
+fn in_parts(series: &Steps, order: &[usize], pause: usize) -> Counted {
+    let view = series.series();
+    let mut counted = Counted::none(&Kind::ALL, &Kind::ALL.map(|kind| view.known_ranges(&kind)), order.len());
+    let read = |step: usize, out: &mut [f32]| {
+        out.copy_from_slice(&series.scalars[step]);
+        Ok::<_, &str>(true)
+    };
+    let first = counted.go_on(&Kind::ALL, &view, order, read, |counted| counted.steps < pause);
+    assert_eq!((first, counted.steps), (Ok(pause == order.len()), pause));
+    if pause < order.len() {
+        assert_eq!(counted.go_on(&Kind::ALL, &view, order, |_, _| Err("damaged"), |_| true), Err("damaged"));
+        assert_eq!(counted.go_on(&Kind::ALL, &view, order, |_, _| Ok::<_, &str>(false), |_| true), Ok(false));
+    }
+    assert_eq!(counted.go_on(&Kind::ALL, &view, order, read, |_| true), Ok(true));
+    counted
+}
+
+#[test]
+fn any_order_with_breaks_counts_the_same() {
+    let series = Steps::noise(5, 9);
+    let whole = series.count(&Kind::ALL);
+    let steepest = |counted: &[Histogram]| counted[1].ranges()[1].unwrap()[1];
+    // The noise grows: octaves are widened at each step from the first on, and never from the last on.
+    for order in [spread(9, 1, 9), (0..9).collect(), (0..9).rev().collect()] {
+        for pause in [1, 3, 9] {
+            let counted = in_parts(&series, &order, pause);
+            assert_eq!((counted.steps, counted.of, &counted.histograms[..]), (9, 9, &whole[..]), "{order:?}");
+        }
+    }
+    let mut sample = Counted::none(&Kind::ALL, &Kind::ALL.map(|kind| series.series().known_ranges(&kind)), 9);
+    sample.add(&Kind::ALL, &series.view(0));
+    assert!(steepest(&sample.histograms) < steepest(&whole), "the test can fail");
+    assert!(!sample.is_whole() && sample.histograms[2] == whole[2], "what does not change is there at once");
+    assert_eq!(sample.histograms[0].ranges(), whole[0].ranges());
+    assert_eq!(sample.of_kind(&Kind::SCALAR_COV), Some(&sample.histograms[3]));
+}
+
+#[test]
+fn what_needs_no_coefficients_of_variation_is_counted_without() {
+    let series = Steps::noise(3, 3);
+    let without = SeriesView { cov: &[], ..series.series() };
+    let read = |step: usize, out: &mut [f32]| {
+        out.copy_from_slice(&series.scalars[step]);
+        Ok::<_, Infallible>(true)
+    };
+    let kinds = [Kind::SCALAR, Kind::SCALAR_GRADIENT];
+    assert_eq!(of_series(&kinds, &without, 3, read).unwrap().unwrap(), series.count(&Kind::ALL)[..2]);
+    assert_eq!(Kind::ALL.map(|kind| kind.needs_cov()), [false, false, true, true]);
+}
+
+#[test]
+fn a_step_has_the_bins_of_the_series_or_wider_ones() {
+    let series = Steps::noise(4, 3);
+    let whole = series.count(&Kind::ALL);
+    for (kind, all) in Kind::ALL.iter().zip(&whole) {
+        let known = kind.of_step_widened(all.ranges(), &series.view(2));
+        assert_eq!(known, kind.of_step(all.ranges(), &series.view(2)));
+        let alone = kind.of_step_widened(series.series().known_ranges(kind), &series.view(2));
+        // The last step has the greatest values of all.
+        assert_eq!(alone, known, "{}", kind.name());
+    }
 }
 
 /// An axis defined only here: the height of a vertex.

@@ -7,7 +7,7 @@ use super::series::{Series, StepSource};
 use crate::codec::vq::VqBlock;
 use crate::codec::{BlockCache, DecodeStats, StepRequest};
 use crate::error::FileResult;
-use crate::histograms::Histogram;
+use crate::histograms::Counted;
 use crate::mesh::Mesh;
 use crate::store::FieldReader;
 use crate::task::Cancel;
@@ -51,8 +51,14 @@ impl StepSource for Apart {
         self.own.reader()
     }
 
-    fn histograms(&self, mesh: &Mesh, cancel: &Cancel) -> FileResult<Option<Vec<Histogram>>> {
-        self.own.histograms(mesh, cancel)
+    fn go_on_counting(
+        &self,
+        counted: &mut Option<Counted>,
+        mesh: &Mesh,
+        cancel: &Cancel,
+        told: &mut dyn FnMut(&Counted) -> bool,
+    ) -> FileResult<bool> {
+        self.own.go_on_counting(counted, mesh, cancel, told)
     }
 
     fn with_blocks(&self, blocks: Arc<BlockCache>) -> Box<dyn StepSource> {

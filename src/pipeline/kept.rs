@@ -1,6 +1,6 @@
 //! What a series keeps of what was found about it: quantities, ranges of chunks, rankings of faces.
 
-use crate::histograms::Histogram;
+use crate::histograms::Counted;
 use crate::lod::{Interval, Partition, Ranking};
 use crate::moments::{CovDenominator, Distribution};
 use crate::visibility::Clusters;
@@ -11,9 +11,11 @@ use std::sync::{Arc, Mutex, OnceLock};
 #[derive(Debug, Default)]
 pub(super) struct Quantities {
     pub(super) cov: OnceLock<Arc<Vec<f32>>>,
-    /// Locked while they are counted, so that concurrent callers wait for the result.
-    pub(super) histograms: Mutex<Option<Arc<[Histogram]>>>,
-    /// Locked likewise while it is computed.
+    /// Histograms of the steps counted so far. Locked while some are counted: only one caller does.
+    pub(super) counting: Mutex<Option<Counted>>,
+    /// A copy for all others.
+    pub(super) counted: Mutex<Option<Arc<Counted>>>,
+    /// Locked while it is computed, so that concurrent callers wait for the result.
     pub(super) distribution: Mutex<Option<Arc<Distribution>>>,
 }
 

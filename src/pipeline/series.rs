@@ -6,9 +6,7 @@ use crate::codec::vq::{self, VqBlock};
 use crate::codec::{BlockCache, DecodeStats, StepRequest};
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, FieldSelector, Scalars, TimeAxis};
-use crate::histograms::Histogram;
-#[cfg(doc)]
-use crate::histograms::Kind;
+use crate::histograms::Counted;
 use crate::mesh::Mesh;
 use crate::render::{CompressedScalars, CompressedStep};
 use crate::store::{FieldReader, Store, StoredField};
@@ -36,8 +34,14 @@ pub(super) trait StepSource: Send + Sync {
     /// The reader of the field in its store, which has what was found at import; `None` for a source from elsewhere.
     fn reader(&self) -> Option<&FieldReader>;
 
-    /// Histograms of the whole series, one for each of [`Kind::ALL`]; `None` if there are none, or `cancel` was raised.
-    fn histograms(&self, mesh: &Mesh, cancel: &Cancel) -> FileResult<Option<Vec<Histogram>>>;
+    /// Counts histograms, as [`FieldReader::go_on_counting`]; leaves `None` if there are none.
+    fn go_on_counting(
+        &self,
+        counted: &mut Option<Counted>,
+        mesh: &Mesh,
+        cancel: &Cancel,
+        told: &mut dyn FnMut(&Counted) -> bool,
+    ) -> FileResult<bool>;
 
     /// Another source of the same steps, with its blocks in `blocks`.
     fn with_blocks(&self, blocks: Arc<BlockCache>) -> Box<dyn StepSource>;
@@ -68,8 +72,14 @@ impl StepSource for FieldReader {
         Some(self)
     }
 
-    fn histograms(&self, mesh: &Mesh, cancel: &Cancel) -> FileResult<Option<Vec<Histogram>>> {
-        FieldReader::histograms(self, mesh, cancel)
+    fn go_on_counting(
+        &self,
+        counted: &mut Option<Counted>,
+        mesh: &Mesh,
+        cancel: &Cancel,
+        told: &mut dyn FnMut(&Counted) -> bool,
+    ) -> FileResult<bool> {
+        FieldReader::go_on_counting(self, counted, mesh, cancel, told)
     }
 
     fn with_blocks(&self, blocks: Arc<BlockCache>) -> Box<dyn StepSource> {

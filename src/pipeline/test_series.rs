@@ -5,7 +5,7 @@ use crate::codec::vq::VqBlock;
 use crate::codec::{BlockCache, DecodeStats, StepRequest};
 use crate::error::{FileError, FileResult};
 use crate::field::{FieldSelector, TimeAxis};
-use crate::histograms::Histogram;
+use crate::histograms::{Counted, Kind, SeriesView, spread};
 use crate::ingest::{IngestOptions, ingest};
 use crate::mesh::Mesh;
 use crate::store::{FieldReader, Store, StoredField};
@@ -18,6 +18,7 @@ use std::time::{Duration, Instant};
 #[derive(Debug, Default)]
 struct State {
     decoded: Vec<usize>,
+    counts: bool,
     fails: Option<usize>,
     panics: Option<usize>,
     /// Steps whose decoding blocks until it is cancelled.
@@ -40,6 +41,11 @@ impl Log {
         self.with(|state| state.decoded.clone())
     }
 
+    /// Lets the source have histograms from now on.
+    pub(crate) fn count(&self) {
+        self.with(|state| state.counts = true);
+    }
+
     /// Lets this step fail to decode from now on.
     pub(crate) fn fail_at(&self, step: usize) {
         self.with(|state| state.fails = Some(step));
@@ -55,7 +61,8 @@ impl Log {
         self.with(|state| state.takes = duration);
     }
 
-    /// Blocks decoding from now on until it is cancelled or this is called again; also counting histograms, of which there are none.
+    /// Blocks decoding from now on until it is cancelled or this is called again; also counting histograms, of which there are none unless [`Self::count`] was
+    /// called.
     pub(crate) fn hang(&self, hangs: bool) {
         self.with(|state| state.hangs = hangs);
     }
@@ -69,6 +76,8 @@ impl Log {
 
 /// Step s has the value s everywhere.
 struct Fake {
+    field: StoredField,
+    steps: usize,
     log: Log,
 }
 
@@ -111,13 +120,28 @@ impl StepSource for Fake {
         None
     }
 
-    fn histograms(&self, _mesh: &Mesh, cancel: &Cancel) -> FileResult<Option<Vec<Histogram>>> {
+    fn go_on_counting(
+        &self,
+        counted: &mut Option<Counted>,
+        mesh: &Mesh,
+        cancel: &Cancel,
+        told: &mut dyn FnMut(&Counted) -> bool,
+    ) -> FileResult<bool> {
         self.log.hang_unless(cancel);
-        Ok(None)
+        if !self.log.with(|state| state.counts) {
+            return Ok(false);
+        }
+        let (values_of, scalar_range) = (self.field.values_of, self.field.range);
+        let cov = vec![0.25; mesh.vertex_source.len()];
+        let series = SeriesView { mesh, values_of, scalar_range, cov: &cov };
+        let ranges = Kind::ALL.map(|kind| series.known_ranges(&kind));
+        let counted = counted.get_or_insert_with(|| Counted::none(&Kind::ALL, &ranges, self.steps));
+        let read = |step, out: &mut [f32]| Ok(self.decode_step(StepRequest::whole(step, cancel), out)?.is_some());
+        counted.go_on(&Kind::ALL, &series, &spread(self.steps, 1, self.steps), read, told)
     }
 
     fn with_blocks(&self, _blocks: Arc<BlockCache>) -> Box<dyn StepSource> {
-        Box::new(Self { log: self.log.clone() })
+        Box::new(Self { field: self.field.clone(), steps: self.steps, log: self.log.clone() })
     }
 }
 
@@ -164,7 +188,8 @@ fn field() -> StoredField {
 fn of_field(steps: usize, field: StoredField) -> (Arc<Series>, Log) {
     let log = Log::default();
     let times = TimeAxis { values: (0..steps).map(|step| step as f64).collect() };
-    let (source, blocks) = (Box::new(Fake { log: log.clone() }), Arc::new(BlockCache::new(0)));
+    let (source, blocks) =
+        (Box::new(Fake { field: field.clone(), steps, log: log.clone() }), Arc::new(BlockCache::new(0)));
     (
         Arc::new(Series {
             mesh: mesh(),

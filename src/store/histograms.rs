@@ -23,7 +23,7 @@ use super::mesh::{ArrayWriter, column};
 use crate::codec::{Chunking, ElementType, StepRequest};
 use crate::error::{FileError, FileResult};
 use crate::files;
-use crate::histograms::{Histogram, Kind, Ranges, of_series};
+use crate::histograms::{Counted, Histogram, Kind, Ranges, SeriesView, of_series, spread};
 use crate::mesh::Mesh;
 use crate::moments::{AxisScale, CovDenominator, Histogram1d, Moments};
 use crate::task::Cancel;
@@ -53,17 +53,57 @@ impl FieldReader {
     /// # Panics
     /// If `mesh` is not that of the store.
     pub fn histograms(&self, mesh: &Mesh, cancel: &Cancel) -> FileResult<Option<Vec<Histogram>>> {
-        if let Some(stored) = self.stored_histograms() {
-            return Ok(Some(stored));
-        }
-        let counted = self.count_histograms(&Kind::ALL, mesh, cancel)?;
-        if let Some(histograms) = &counted
-            && let Err(problem) = self.keep_histograms(histograms)
+        let mut counted = None;
+        let is_whole = self.go_on_counting(&mut counted, mesh, cancel, &mut |_| true)?;
+        Ok(counted.filter(|_| is_whole).map(|counted| counted.histograms.to_vec()))
+    }
+
+    /// Counts the histograms of [`Self::histograms`] step by step, from coarse to fine ([`spread`]): `told` is called after each step with
+    /// those of the steps so far, and returns whether to go on. `counted` is `None` at first, and what a call leaves there is where the next
+    /// one goes on: when it was cancelled, told to stop, or failed. Stored ones are there at once. Returns whether all steps are counted; if
+    /// the store could not keep them, `counted` says why.
+    ///
+    /// # Errors
+    /// If a step cannot be decoded.
+    ///
+    /// # Panics
+    /// If `mesh` is not that of the store, or `counted` is of another series.
+    pub fn go_on_counting(
+        &self,
+        counted: &mut Option<Counted>,
+        mesh: &Mesh,
+        cancel: &Cancel,
+        told: &mut dyn FnMut(&Counted) -> bool,
+    ) -> FileResult<bool> {
+        if counted.is_none()
+            && let Some(stored) = self.stored_histograms()
         {
-            // The next request counts them again.
-            tracing::info!(%problem, "histograms are not kept");
+            *counted = Some(Counted::whole(stored, self.step_count()));
         }
-        Ok(counted)
+        if counted.as_ref().is_some_and(Counted::is_whole) {
+            return Ok(true);
+        }
+        let Some(cov) = self.coefficients_of_variation(cancel)? else { return Ok(false) };
+        let (series, steps) = (self.view(mesh, &cov), self.step_count());
+        let begin = || Counted::none(&Kind::ALL, &Kind::ALL.map(|kind| series.known_ranges(&kind)), steps);
+        let counted = counted.get_or_insert_with(begin);
+        let order = spread(steps, self.info().coding().map_or(1, |coding| coding.codec().block_steps), steps);
+        let is_whole = counted.go_on(&Kind::ALL, &series, &order, self.scalars_unless(cancel), told)?;
+        if is_whole && let Err(problem) = self.keep_histograms(&counted.histograms) {
+            // The next one who opens the store counts them again.
+            tracing::info!(%problem, "histograms are not kept");
+            counted.not_kept = Some(problem.to_string());
+        }
+        Ok(is_whole)
+    }
+
+    fn view<'a>(&self, mesh: &'a Mesh, cov: &'a [f32]) -> SeriesView<'a> {
+        SeriesView { mesh, values_of: self.info().values_of, scalar_range: self.info().range, cov }
+    }
+
+    /// Loads the scalars of a step; `false` if `cancel` was raised.
+    fn scalars_unless(&self, cancel: &Cancel) -> impl FnMut(usize, &mut [f32]) -> FileResult<bool> {
+        |step, out| Ok(self.decode_step_unless(StepRequest::whole(step, cancel), out)?.is_some())
     }
 
     /// Stores histograms of [`Kind::ALL`], replacing old ones. They are written to a temporary folder and moved.
@@ -110,11 +150,10 @@ impl FieldReader {
         mesh: &Mesh,
         cancel: &Cancel,
     ) -> FileResult<Option<Vec<Histogram>>> {
-        let Some(cov) = self.coefficients_of_variation(cancel)? else { return Ok(None) };
-        let of = (self.info().values_of, self.info().range);
-        of_series(kinds, mesh, &cov, of, self.step_count(), |step, out| {
-            Ok(self.decode_step_unless(StepRequest::whole(step, cancel), out)?.is_some())
-        })
+        let cov =
+            if kinds.iter().any(Kind::needs_cov) { self.coefficients_of_variation(cancel)? } else { Some(Vec::new()) };
+        let Some(cov) = cov else { return Ok(None) };
+        of_series(kinds, &self.view(mesh, &cov), self.step_count(), self.scalars_unless(cancel))
     }
 
     /// The stored histograms; `None` unless all kinds are there.
