@@ -1,22 +1,19 @@
 //! Statistics of a field over the series, per step and as a histogram: on a thread of its own.
 //!
 //! Ranges of all steps are in the store; means and histograms are not, and need every step decoded. The order of the steps is from coarse
-//! to fine, so that an overview of the series comes early: the first [`COARSE`] steps in bit-reversed order, the others a block of the
-//! codec at a time, blocks in bit-reversed order. At most [`MOST_STEPS`] steps are read, evenly over the series.
+//! to fine ([`spread`]), so that an overview of the series comes early. At most [`MOST_STEPS`] steps are read, evenly over the series.
 
-use super::worker::{BLOCK_BYTES, Slot, Worker, lock};
+use super::worker::{BLOCK_BYTES, Gate, Slot, Worker};
+use crate::histograms::spread;
 use crate::moments::{AxisScale, Bins, Histogram1d, StepSummary};
 use crate::pipeline::Series;
 use crate::task::Cancel;
 use std::io;
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Largest number of steps read of a series.
 pub const MOST_STEPS: usize = 1024;
-
-/// Number of steps read first, at the cost of a block each.
-const COARSE: usize = 32;
 
 /// Interval between snapshots of a growing survey.
 const SHOWN_EVERY: Duration = Duration::from_millis(100);
@@ -129,25 +126,6 @@ impl Drop for Survey {
     }
 }
 
-/// A gate that blocks a thread while closed.
-#[derive(Default)]
-struct Gate {
-    is_closed: Mutex<bool>,
-    opened: Condvar,
-}
-
-impl Gate {
-    fn set(&self, is_closed: bool) {
-        *lock(&self.is_closed) = is_closed;
-        self.opened.notify_all();
-    }
-
-    fn pass(&self) {
-        let closed = lock(&self.is_closed);
-        drop(self.opened.wait_while(closed, |is_closed| *is_closed).unwrap_or_else(PoisonError::into_inner));
-    }
-}
-
 /// Reads the steps of a series one after the other, and calls `show` with snapshots.
 fn look(series: &Arc<Series>, gate: &Gate, cancel: &Cancel, show: &dyn Fn(Arc<Surveyed>)) {
     let apart = series.apart(BLOCK_BYTES);
@@ -155,7 +133,7 @@ fn look(series: &Arc<Series>, gate: &Gate, cancel: &Cancel, show: &dyn Fn(Arc<Su
     let mut values = vec![0.0; series.scalar_count()];
     let mut shown: Option<Instant> = None;
     let block = series.field().coding().map_or(1, |coding| coding.codec().block_steps);
-    for step in order(series.times().len(), block) {
+    for step in spread(series.times().len(), block, MOST_STEPS) {
         gate.pass();
         match apart.decode_step(step, &mut values, cancel) {
             Ok(true) => {
@@ -178,29 +156,11 @@ fn look(series: &Arc<Series>, gate: &Gate, cancel: &Cancel, show: &dyn Fn(Arc<Su
     show(Arc::new(known));
 }
 
-/// The numbers below `count` in bit-reversed order, so that every prefix is spread over all.
-fn bit_reversed(count: usize) -> impl Iterator<Item = usize> {
-    let bits = count.next_power_of_two().trailing_zeros();
-    let reversed = move |i: usize| if bits == 0 { i } else { i.reverse_bits() >> (usize::BITS - bits) };
-    (0..count.next_power_of_two()).map(reversed).filter(move |&i| i < count)
-}
-
-/// The steps to read, in order, of a series of `steps` that are coded `block` at a time.
-fn order(steps: usize, block: usize) -> Vec<usize> {
-    let spread: Vec<usize> = bit_reversed(steps).take(MOST_STEPS).collect();
-    let (coarse, fine) = spread.split_at(COARSE.min(spread.len()));
-    let mut of_block = vec![Vec::new(); steps.div_ceil(block)];
-    fine.iter().for_each(|&step| of_block[step / block].push(step));
-    of_block.iter_mut().for_each(|steps| steps.sort_unstable());
-    coarse.iter().copied().chain(bit_reversed(of_block.len()).flat_map(|b| of_block[b].clone())).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::worker::tests::{counted, wait_for};
     use super::*;
     use crate::pipeline::test_series::{jet, logged};
-    use std::collections::BTreeSet;
     use std::sync::atomic::Ordering;
 
     fn silent(series: &Arc<Series>) -> Survey {
@@ -209,35 +169,6 @@ mod tests {
 
     fn whole(survey: &Survey) -> Arc<Surveyed> {
         wait_for("end", || Some(survey.snapshot()).filter(|known| known.is_over))
-    }
-
-    #[test]
-    fn every_step_is_looked_at_once_and_of_very_many_an_even_choice() {
-        for steps in [1, 2, 3, 31, 32, 33, 64, 65, 500, 1000, 1024] {
-            let all: BTreeSet<usize> = order(steps, 64).into_iter().collect();
-            assert_eq!((order(steps, 64).len(), all.len(), all.last()), (steps, steps, Some(&(steps - 1))));
-        }
-        for steps in [1025, 5000, 100_000] {
-            let all: BTreeSet<usize> = order(steps, 64).into_iter().collect();
-            assert_eq!((order(steps, 64).len(), all.len()), (MOST_STEPS, MOST_STEPS));
-            let all: Vec<usize> = all.into_iter().chain([steps]).collect();
-            let widest = all.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap();
-            // Bit reversal halves intervals: the widest is below twice the mean of a power of two, and that below twice this.
-            assert!(all[0] == 0 && widest <= 4 * steps.div_ceil(MOST_STEPS), "{steps}: {widest}");
-        }
-        assert!(order(0, 64).is_empty());
-    }
-
-    #[test]
-    fn the_first_steps_are_spread_and_the_others_take_each_block_once() {
-        assert_eq!(bit_reversed(8).collect::<Vec<_>>(), [0, 4, 2, 6, 1, 5, 3, 7]);
-        assert_eq!(bit_reversed(5).collect::<Vec<_>>(), [0, 4, 2, 1, 3]);
-        let order = order(1000, 64);
-        let mut coarse: Vec<usize> = order[..COARSE].to_vec();
-        coarse.sort_unstable();
-        assert!(coarse.windows(2).all(|pair| pair[1] - pair[0] <= 64), "{coarse:?}");
-        let changes = order[COARSE..].windows(2).filter(|pair| pair[0] / 64 != pair[1] / 64).count();
-        assert_eq!(changes + 1, 1000_usize.div_ceil(64));
     }
 
     #[test]

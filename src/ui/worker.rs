@@ -118,6 +118,30 @@ impl<J> Shared<J> {
     }
 }
 
+/// A gate that blocks a thread while closed.
+#[derive(Default)]
+pub(super) struct Gate {
+    is_closed: Mutex<bool>,
+    opened: Condvar,
+}
+
+impl Gate {
+    pub(super) fn set(&self, is_closed: bool) {
+        *lock(&self.is_closed) = is_closed;
+        self.opened.notify_all();
+    }
+
+    pub(super) fn is_closed(&self) -> bool {
+        *lock(&self.is_closed)
+    }
+
+    /// Waits until the gate is open.
+    pub(super) fn pass(&self) {
+        let closed = lock(&self.is_closed);
+        drop(self.opened.wait_while(closed, |is_closed| *is_closed).unwrap_or_else(PoisonError::into_inner));
+    }
+}
+
 /// A slot for the newest result.
 #[derive(Debug)]
 pub(super) struct Slot<T>(Mutex<Option<T>>);
