@@ -14,7 +14,8 @@
 //! - **The thread of the window** does not decode, render, convert or read; it waits a millisecond at most, for a project's table. Slow
 //!   work has threads: the pipeline; `picture` (pixels for the screen); `probe` (the point under the mouse: in the cell on the ray that
 //!   contributes most to the pixel's opacity; and a point's value at every step); `survey` (means and histograms, coarse to fine, paused
-//!   while the user acts or frames come late); `thumbnails`; `opening` (a store, or a source that is imported to the cache first);
+//!   while the user acts or frames come late); `histograms` (of four kinds, of the series or of a step);
+//!   `thumbnails`; `opening` (a store, or a source that is imported to the cache first);
 //!   `following` (a store that grows); `settings`; fields and images in `jobs`. Each ends with its owner; those that read data catch their
 //!   panics and report them in a message.
 //! - **One state.** What the window shows is a project (`document.rs`), be it one of a look without a file; a transfer function is an ensemble of one
@@ -49,6 +50,7 @@ mod document;
 #[cfg(test)]
 mod drag_tests;
 pub mod following;
+pub mod histograms;
 mod history;
 mod insight;
 mod jobs;
