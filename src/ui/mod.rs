@@ -14,7 +14,7 @@
 //! - **The thread of the window** does not decode, render, convert or read; it waits a millisecond at most, for a project's table. Slow
 //!   work has threads: the pipeline; `picture` (pixels for the screen); `probe` (the point under the mouse: in the cell on the ray that
 //!   contributes most to the pixel's opacity; and a point's value at every step); `survey` (means and histograms, coarse to fine, paused
-//!   while the user acts or frames come late); `histograms` (of four kinds, of the series or of a step);
+//!   while the user acts or frames come late); `histograms` (of four kinds, of the series or of a step; `bars` makes pixels of them);
 //!   `thumbnails`; `opening` (a store, or a source that is imported to the cache first);
 //!   `following` (a store that grows); `settings`; fields and images in `jobs`. Each ends with its owner; those that read data catch their
 //!   panics and report them in a message.
@@ -46,6 +46,7 @@
 //! every control has one. `real_window` opens the window on a virtual screen and operates it through X, as a user would.
 
 mod action;
+pub mod bars;
 mod document;
 #[cfg(test)]
 mod drag_tests;
