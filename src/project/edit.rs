@@ -115,6 +115,8 @@ pub enum Edit {
         /// Index of the element.
         index: usize,
     },
+    /// Applies several changes, one after the other; what they lead to must be consistent, not each of them.
+    All(Vec<Edit>),
 }
 
 /// A change of the keys of a track.
@@ -201,6 +203,7 @@ impl Edit {
                 insert(&mut timeline.maps, index, track, "place for a track")?;
             }
             Self::RemoveMapTrack { index } => drop(remove(&mut timeline.maps, index, "track of range maps")?),
+            Self::All(edits) => edits.into_iter().try_for_each(|edit| edit.apply_unchecked(project))?,
         }
         Ok(())
     }

@@ -8,9 +8,18 @@ use crate::pipeline::{Backend, RenderMode, SurfaceLook};
 use crate::playback::Command;
 use crate::playback::quality::Family;
 use crate::project::Edit;
-use crate::transfer::{ColorMap, OpacityPoint, RangePolicy};
+use crate::transfer::{ColorMap, OpacityKind, OpacityPoint, RangePolicy};
 use glam::DVec2;
 use std::path::PathBuf;
+
+/// A format of a file of one transfer function.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FunctionFile {
+    /// That of this program, which has all of it.
+    Tetreel,
+    /// ParaView's, with colours and opacities.
+    ParaView,
+}
 
 /// An action triggered by a key, the mouse or a widget.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,6 +87,26 @@ pub enum Action {
     Colors(ColorMap),
     /// Sets the opacities of the edited member, at fractions of the range.
     Opacities(Vec<OpacityPoint>),
+    /// Gives the edited member the transfer function of a file, or its colours, as `--tf` reads them.
+    LoadFunction {
+        /// The file; `FILE.json#NAME` for one of several colour maps.
+        from: PathBuf,
+        /// Whether opacities stay as they are.
+        colors_only: bool,
+    },
+    /// Writes the transfer function of the edited member to a file.
+    SaveFunction {
+        /// The file.
+        to: PathBuf,
+        /// Its format.
+        format: FunctionFile,
+        /// Whether a file that is there is replaced.
+        may_replace: bool,
+    },
+    /// Sets what opacities mean.
+    OpacityKind(OpacityKind),
+    /// Sets the length that opacities refer to.
+    UnitDistance(f64),
     /// Sets how the range of the edited member is found.
     Range(RangePolicy),
     /// Sets the display-referred colour behind the volume.

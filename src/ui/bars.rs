@@ -12,8 +12,8 @@ use crate::transfer::{MappedRange, RangeMap};
 /// An axis along which a histogram is drawn, from its low end (left, bottom) on.
 #[derive(Clone, Copy, Debug)]
 pub enum DrawnAxis<'a> {
-    /// The axis of the histogram itself: its bins are equally wide, those of octaves too.
-    Bins,
+    /// The axis of the histogram itself, on which bins are equally wide, those of octaves too; with positions moved by a map.
+    Bins(&'a RangeMap),
     /// A linear or log-spaced range of values, with positions moved by a map. The identity of maps gives the plain range.
     Values(&'a MappedRange, &'a RangeMap),
 }
@@ -23,11 +23,11 @@ impl DrawnAxis<'_> {
     fn shares(&self, bins: &Bins, pixels: usize) -> Vec<(usize, usize, f64)> {
         let edge = |pixel: usize| pixel as f64 / pixels as f64;
         let cut = |pixel: usize| match self {
-            Self::Bins => edge(pixel) * bins.count() as f64,
+            Self::Bins(map) => map.inverse(edge(pixel)) * bins.count() as f64,
             Self::Values(range, map) => range.scalar_at(map.inverse(edge(pixel))),
         };
         let ends = |bin: usize| match self {
-            Self::Bins => Some([bin as f64, (bin + 1) as f64]),
+            Self::Bins(_) => Some([bin as f64, (bin + 1) as f64]),
             Self::Values(..) => bins.bounds(bin),
         };
         let cuts: Vec<f64> = if pixels == 0 { Vec::new() } else { (0..=pixels).map(cut).collect() };

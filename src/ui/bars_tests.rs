@@ -49,7 +49,7 @@ fn assert_near(a: &[f64], b: &[f64]) {
 fn the_identity_gives_the_plain_picture() {
     let (histogram, identity, range) = (slope(), RangeMap::default(), linear(0.0, 1.0));
     let plain: Vec<f64> = histogram.counts().iter().map(|&count| count as f64).collect();
-    for axis in [DrawnAxis::Bins, DrawnAxis::Values(&range, &identity)] {
+    for axis in [DrawnAxis::Bins(&RangeMap::default()), DrawnAxis::Values(&range, &identity)] {
         let bars = columns(&histogram, axis, 256);
         assert_near(&bars.counts, &plain);
         assert!(near(bars.outside, 0.0));
@@ -95,7 +95,7 @@ fn heights_grow_with_counts_and_a_single_value_is_visible() {
     let mut values = vec![0.5; 1_000_000];
     values.extend([0.1, 0.9, 0.9]);
     // Four bins a pixel.
-    let bars = columns(&of_values([0.0, 1.0], AxisScale::Linear, &values), DrawnAxis::Bins, 64);
+    let bars = columns(&of_values([0.0, 1.0], AxisScale::Linear, &values), DrawnAxis::Bins(&RangeMap::default()), 64);
     let mut order: Vec<usize> = (0..64).collect();
     order.sort_by(|&a, &b| bars.counts[a].total_cmp(&bars.counts[b]));
     assert!(order.windows(2).all(|pair| bars.heights[pair[0]] <= bars.heights[pair[1]]));
@@ -114,7 +114,7 @@ fn what_a_range_leaves_out_is_outside() {
         assert!(near(bars.counts.iter().sum(), inside as f64), "{lo} {hi}");
         assert!(near(bars.outside, (histogram.finite() - inside) as f64));
     }
-    let none = columns(&histogram, DrawnAxis::Bins, 0);
+    let none = columns(&histogram, DrawnAxis::Bins(&RangeMap::default()), 0);
     assert!(none.counts.is_empty() && none.outside == histogram.finite() as f64);
 }
 
@@ -131,7 +131,7 @@ fn extreme_ranges_are_drawn() {
     let bars = columns(&octaves, DrawnAxis::Values(&logarithmic(1e-30, 1e30), &identity), 300);
     assert!(bars.counts[299] > 0.1 && bars.counts[..290].iter().sum::<f64>() < 3.1);
     let linear_bins = of_values([1e-30, 1e30], AxisScale::Linear, &values);
-    assert_eq!(columns(&linear_bins, DrawnAxis::Bins, 256).counts[0], 3.0);
+    assert_eq!(columns(&linear_bins, DrawnAxis::Bins(&RangeMap::default()), 256).counts[0], 3.0);
 }
 
 #[test]
@@ -143,10 +143,10 @@ fn a_histogram_of_one_value_or_none_is_drawn() {
         assert_eq!((bars.counts[at], bars.heights[at], bars.outside), (7.0, 1.0, 0.0), "{range:?}");
     }
     assert_eq!(columns(&one, DrawnAxis::Values(&linear(3.0, 4.0), &identity), 9).outside, 7.0);
-    assert_eq!(columns(&one, DrawnAxis::Bins, 256).counts[0], 7.0);
+    assert_eq!(columns(&one, DrawnAxis::Bins(&RangeMap::default()), 256).counts[0], 7.0);
     let mut holes = Histogram1d::new(None);
     holes.add(&[f32::NAN; 5]);
-    for axis in [DrawnAxis::Bins, DrawnAxis::Values(&linear(0.0, 1.0), &identity)] {
+    for axis in [DrawnAxis::Bins(&RangeMap::default()), DrawnAxis::Values(&linear(0.0, 1.0), &identity)] {
         let bars = columns(&holes, axis, 50);
         assert!(bars.counts.iter().all(|&c| c == 0.0) && bars.heights.iter().all(|&h| h == 0.0) && bars.outside == 0.0);
     }
@@ -156,21 +156,21 @@ fn a_histogram_of_one_value_or_none_is_drawn() {
 fn an_image_has_the_columns_of_its_rows_and_its_top_is_the_high_end() {
     let (histogram, map, range) = (pairs(), RangeMap::new(&[[0.3, 0.6]]).unwrap(), linear(0.0, 1.0));
     let x = DrawnAxis::Values(&range, &map);
-    let bars = image(&histogram, [x, DrawnAxis::Bins], [100, 64]);
+    let bars = image(&histogram, [x, DrawnAxis::Bins(&RangeMap::default())], [100, 64]);
     for (row, counts) in histogram.counts().chunks(256).enumerate() {
         let row_alone = Histogram1d::from_counts(histogram.x().clone(), counts.to_vec(), 0).unwrap();
         assert_near(&bars.counts[(63 - row) * 100..][..100], &columns(&row_alone, x, 100).counts);
     }
     assert!(near(bars.counts.iter().sum(), 5000.0) && bars.heights.contains(&1.0));
     // Twice as many pixels each way: four times the pixels with a quarter of the counts, and the same shades.
-    let small = image(&histogram, [DrawnAxis::Bins; 2], [256, 64]);
-    let large = image(&histogram, [DrawnAxis::Bins; 2], [512, 128]);
+    let small = image(&histogram, [DrawnAxis::Bins(&RangeMap::default()); 2], [256, 64]);
+    let large = image(&histogram, [DrawnAxis::Bins(&RangeMap::default()); 2], [512, 128]);
     for (i, &shade) in large.heights.iter().enumerate() {
         let of = (i / 512 / 2) * 256 + i % 512 / 2;
         assert!((shade - small.heights[of]).abs() < 1e-6 && near(4.0 * large.counts[i], small.counts[of]));
     }
-    assert_eq!(image(&histogram, [DrawnAxis::Bins; 2], [0, 5]).counts.len(), 0);
-    assert_eq!(image(&histogram, [DrawnAxis::Bins; 2], [5, 0]).outside, 5000.0);
+    assert_eq!(image(&histogram, [DrawnAxis::Bins(&RangeMap::default()); 2], [0, 5]).counts.len(), 0);
+    assert_eq!(image(&histogram, [DrawnAxis::Bins(&RangeMap::default()); 2], [5, 0]).outside, 5000.0);
 }
 
 proptest! {
@@ -195,7 +195,7 @@ proptest! {
             prop_assert!((bars.counts.iter().sum::<f64>() - values.len() as f64).abs() < 1e-6, "{bars:?}");
             prop_assert!(bars.counts.iter().all(|&count| count >= 0.0));
         }
-        let native = columns(&histogram, DrawnAxis::Bins, width).counts.iter().sum::<f64>();
+        let native = columns(&histogram, DrawnAxis::Bins(&RangeMap::default()), width).counts.iter().sum::<f64>();
         prop_assert!((native - values.len() as f64).abs() < 1e-6);
     }
 }

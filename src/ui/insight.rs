@@ -1,5 +1,6 @@
 //! Data of a series beside its pictures: values over time, the point under the mouse, thumbnails.
 
+use super::histograms::Histograms;
 use super::probe::{Curve, Hover, HoverRequest, Prober};
 use super::survey::Survey;
 use super::thumbnails::{Thumbnails, WIDTH_PX};
@@ -40,6 +41,7 @@ pub(super) struct Insight {
     pub(super) survey: Survey,
     prober: Prober,
     pub(super) thumbnails: Thumbnails,
+    pub(super) histograms: Histograms,
     /// Position of the mouse, as shares of the picture's width and height from the top left corner.
     pub(super) mouse: Option<(f64, f64)>,
     /// The answer for the point under the mouse.
@@ -59,6 +61,7 @@ impl Insight {
             survey: Survey::start(series, wake.clone())?,
             prober: Prober::start(wake.clone())?,
             thumbnails: Thumbnails::start(WIDTH_PX, wake.clone())?,
+            histograms: Histograms::start(wake.clone())?,
             wake,
             mouse: None,
             hover: None,
@@ -66,6 +69,12 @@ impl Insight {
             wants_pick: None,
             picked: None,
         })
+    }
+
+    /// Pauses what may wait, or resumes it: for while the user waits for frames.
+    pub(super) fn pause(&self, pauses: bool) {
+        self.survey.pause(pauses);
+        self.histograms.pause(pauses);
     }
 
     /// Switches to another series of the same mesh: a picked point stays.
@@ -83,6 +92,7 @@ impl Insight {
 
     /// Takes results; `shown` is the request of the frame on the screen.
     pub(super) fn take(&mut self, shown: Option<&FrameRequest>) {
+        self.histograms.take();
         while let Some(hover) = self.prober.take_hover() {
             let is_same = |wanted: &HoverRequest| is_same(wanted, &hover.asked);
             if self.wants_pick.as_ref().is_some_and(is_same) {

@@ -5,13 +5,14 @@ use super::motion::MotionError;
 use crate::error::{FileError, FileResult};
 use crate::export::still::{Background, FrameAttributes, OutputFrame, StillOptions, write_still};
 use crate::field::FieldSelector;
+use crate::files;
 use crate::image::Planes;
 use crate::look::Look;
 use crate::pipeline::{FrameRequest, Series, SharedFrame};
 use crate::project::{Project, ProjectError};
 use crate::store::Store;
 use crate::task::{Cancel, panic_message};
-use crate::transfer::FirstLook;
+use crate::transfer::{FirstLook, TransferError, TransferFunction};
 use crossbeam::channel::{Receiver, Sender, unbounded};
 use std::fs::OpenOptions;
 use std::io::ErrorKind;
@@ -21,8 +22,10 @@ use std::sync::Arc;
 
 /// Result of a job.
 pub(super) enum Done {
-    /// An image was written.
-    Screenshot(FileResult<PathBuf>),
+    /// An image or a transfer function was written.
+    Written(FileResult<PathBuf>),
+    /// A transfer function was read, whose colours alone are wanted, or all of it.
+    Function(Result<TransferFunction, TransferError>, bool),
     /// A field was opened; first looks of the field before it and of this one.
     Series(Arc<Series>, Box<[FirstLook; 2]>),
     /// Error of the last picture of a motion against the one in full, and the number of the comparison.
@@ -68,7 +71,7 @@ impl Jobs {
 
     /// Writes an image into a folder.
     pub(super) fn write(&self, shot: Screenshot, folder: PathBuf) {
-        self.run(move || Done::Screenshot(shot.write(&folder)));
+        self.run(move || Done::Written(shot.write(&folder)));
     }
 
     /// Writes a project, that of a state; replaces a file that is there only if it `may_replace` it.
@@ -77,6 +80,20 @@ impl Jobs {
             let is_free = may_replace || !path.exists();
             let written = if is_free { project.write(&path) } else { Err(taken(&path).into()) };
             Done::Project(written.map(|()| path), Box::new(state))
+        });
+    }
+
+    /// Reads a transfer function.
+    pub(super) fn read_function(&self, from: PathBuf, colors_only: bool) {
+        self.run(move || Done::Function(TransferFunction::parse(from), colors_only));
+    }
+
+    /// Writes a text; replaces a file that is there only if it `may_replace` it.
+    pub(super) fn write_text(&self, text: String, path: PathBuf, may_replace: bool) {
+        self.run(move || {
+            let is_free = may_replace || !path.exists();
+            let written = if is_free { files::replace_with(&path, text.as_bytes()) } else { Err(taken(&path)) };
+            Done::Written(written.map(|()| path))
         });
     }
 

@@ -50,6 +50,8 @@ pub mod bars;
 mod document;
 #[cfg(test)]
 mod drag_tests;
+#[cfg(test)]
+mod editor_tests;
 pub mod following;
 pub mod histograms;
 mod history;
@@ -57,6 +59,7 @@ mod insight;
 mod jobs;
 mod keeper;
 pub mod keys;
+pub mod members;
 mod motion;
 mod notice;
 pub mod opacity;
@@ -72,6 +75,7 @@ mod session;
 #[cfg(test)]
 mod session_tests;
 pub mod settings;
+pub mod shapes;
 mod still;
 pub mod survey;
 pub mod thumbnails;
@@ -79,7 +83,7 @@ pub mod thumbnails;
 pub mod window;
 mod worker;
 
-pub use action::Action;
+pub use action::{Action, FunctionFile};
 pub use history::{Cost, HISTORY_FRAMES, History};
 pub use insight::Picked;
 pub use keeper::SettingsKeeper;

@@ -68,6 +68,22 @@ pub fn nearest(points: &[OpacityPoint], at: OpacityPoint, highest: f64, reach: (
     nearest.filter(|(_, p)| distance(p) <= 1.0).map(|(index, _)| index)
 }
 
+/// The values of points just left of a position, and at it: linear between points, constant outside of them.
+pub fn sides_at(points: &[OpacityPoint], position: f64) -> [f64; 2] {
+    let between = |after: usize| {
+        let (before, next) = (after.checked_sub(1).and_then(|i| points.get(i)), points.get(after));
+        match (before, next) {
+            (Some(a), Some(b)) if a.position < b.position => {
+                let f = (position - a.position) / (b.position - a.position);
+                a.value * (1.0 - f) + b.value * f
+            }
+            (_, Some(only)) | (Some(only), None) => only.value,
+            (None, None) => 0.0,
+        }
+    };
+    [points.partition_point(|p| p.position < position), points.partition_point(|p| p.position <= position)].map(between)
+}
+
 /// Keeps the first and the last of three or more points at one position.
 fn without_triples(points: Vec<OpacityPoint>) -> Vec<OpacityPoint> {
     let is_inner = |i: usize| {

@@ -9,6 +9,7 @@ use super::document::Document;
 use super::history::History;
 use super::insight::Insight;
 use super::jobs::Jobs;
+use super::members;
 use super::motion::{Drawing, MotionError};
 use super::notice::{self, Notice, NoticeKind};
 use super::project_worker::ProjectWorker;
@@ -18,10 +19,10 @@ use crate::look::{Look, mapped_range};
 use crate::pipeline::{FrameRequest, KeyedSurfaces, Series, SharedFrame, SurfaceLook};
 use crate::playback::quality::{Family, Quality, QualityControl};
 use crate::playback::{Player, State};
-use crate::project::{Data, Project};
+use crate::project::{Data, Edit, Project};
 use crate::store::Store;
 use crate::timeline::At;
-use crate::transfer::{Function, MappedRange, Member, RangePolicy, TransferFunction};
+use crate::transfer::{Function, MappedRange, Member, RangeMap, RangePolicy, TransferFunction};
 pub use quality::{DEFAULT_TARGET_FPS, TARGET_FPS};
 use std::cell::OnceCell;
 use std::io;
@@ -251,6 +252,17 @@ impl Session {
     pub fn member(&self) -> Option<&Member> {
         let (ensemble, member) = self.edited_member()?;
         self.project().ensembles.get(ensemble)?.members.get(member)
+    }
+
+    /// The range map of that member, on the timeline at the time shown.
+    pub fn range_map(&self) -> RangeMap {
+        let place = self.edited_member();
+        place.map(|place| members::map_at(self.project(), place, self.shown_time())).unwrap_or_default()
+    }
+
+    /// The change that gives that member another range map, on the timeline at the time shown.
+    pub fn range_map_edit(&self, map: RangeMap) -> Option<Edit> {
+        members::with_map(self.project(), self.edited_member()?, self.shown_time(), map)
     }
 
     /// The transfer function of the member that is edited; `None` if it has shapes over a histogram.

@@ -8,8 +8,11 @@ use crate::look::{EnsembleChoice, Followed, Look};
 use crate::pipeline::{FrameTime, Shown};
 use crate::playback::{Command, Loop, Mode, State, StepRange};
 use crate::project::{Data, Edit, LookSettings, Project, Timeline, is_project};
-use crate::transfer::{FirstLook, Function, Member, PositionKind, TransferError, TransferFunction};
-use crate::ui::Action;
+use crate::transfer::{
+    ColorMap, ColorMapEntry, FirstLook, Function, Member, OpacityValues, PositionKind, TransferError, TransferFunction,
+    color_maps_to_json,
+};
+use crate::ui::{Action, FunctionFile};
 use std::path::{Path, PathBuf, absolute};
 use std::time::Duration;
 
@@ -77,12 +80,18 @@ impl Session {
                     self.jobs.open(&self.store, &series, field);
                 }
             }
-            Action::Colors(map) => {
-                self.set_tf(|tf| TransferFunction::new(map, tf.points().to_vec(), tf.positions(), tf.values()));
-            }
+            Action::Colors(map) => self.apply_colors(map),
             Action::Opacities(points) => {
                 let relative = PositionKind::Relative;
                 self.set_tf(|tf| TransferFunction::new(tf.color_map().clone(), points, relative, tf.values()));
+            }
+            Action::LoadFunction { from, colors_only } => self.jobs.read_function(from, colors_only),
+            Action::SaveFunction { to, format, may_replace } => self.save_function(to, format, may_replace),
+            Action::OpacityKind(kind) => self.look.opacity_kind = kind,
+            Action::UnitDistance(distance) => {
+                if distance.is_finite() && distance > 0.0 {
+                    self.look.lengths.unit_distance = distance;
+                }
             }
             Action::Range(range) => self.edit_member(|member| member.range = range),
             Action::Edit(edit) => self.edit(*edit),
@@ -200,6 +209,42 @@ impl Session {
         }
     }
 
+    /// Takes over a transfer function that was read, or its colours, as a change of its own.
+    pub(super) fn take_function(&mut self, tf: TransferFunction, colors_only: bool) {
+        let before = self.document.state(&self.look);
+        match self.member() {
+            Some(member) if member.space.axes() == 2 => {
+                self.fail(format!("'{}' is over two quantities, where a transfer function is over one", member.name));
+            }
+            _ if colors_only && self.function().is_some() => self.apply_colors(tf.color_map().clone()),
+            _ => self.edit_member(|member| member.function = Function::TransferFunction(tf)),
+        }
+        self.document.record(before, &self.look, None);
+    }
+
+    fn apply_colors(&mut self, map: ColorMap) {
+        self.set_tf(|tf| TransferFunction::new(map, tf.points().to_vec(), tf.positions(), tf.values()));
+    }
+
+    /// Writes the transfer function of the edited member, on another thread.
+    fn save_function(&mut self, to: PathBuf, format: FunctionFile, may_replace: bool) {
+        let Some(tf) = self.function() else {
+            self.fail("shapes are no transfer function: save the project, or turn them into a curve".to_owned());
+            return;
+        };
+        let text = match format {
+            FunctionFile::Tetreel => Ok(tf.to_json()),
+            FunctionFile::ParaView => paraview_text(tf),
+        };
+        match text {
+            Ok(text) => {
+                let to = if to.extension().is_some() { to } else { to.with_extension("json") };
+                self.jobs.write_text(text, absolute(&to).unwrap_or(to), may_replace);
+            }
+            Err(problem) => self.fail(problem.to_owned()),
+        }
+    }
+
     /// Changes the edited member.
     fn edit_member(&mut self, change: impl FnOnce(&mut Member)) {
         let (Some((ensemble, index)), Some(member)) = (self.edited_member(), self.member()) else { return };
@@ -298,6 +343,18 @@ impl Session {
     pub fn range_of_field(&self) -> Option<(f64, f64)> {
         self.series().field().range.map(|[lo, hi]| (f64::from(lo), f64::from(hi)))
     }
+}
+
+/// A transfer function as ParaView reads it.
+fn paraview_text(tf: &TransferFunction) -> Result<String, &'static str> {
+    if tf.positions() == PositionKind::Absolute {
+        return Err("its points are at scalars, which ParaView's colour maps do not have: save it as tetreel's");
+    }
+    if tf.values() == OpacityValues::Extinction {
+        return Err("its values are extinctions, which ParaView's opacities are not: save it as tetreel's");
+    }
+    let entry = ColorMapEntry { map: tf.color_map().clone(), opacity: Some(tf.points().to_vec()) };
+    Ok(color_maps_to_json(&[entry]))
 }
 
 /// The loop after off, all, range, cyclically; ping-pong has its own key.

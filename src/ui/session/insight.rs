@@ -2,7 +2,9 @@
 
 use super::Session;
 use crate::pipeline::FrameTime;
+use crate::transfer::Space;
 use crate::ui::Picked;
+use crate::ui::histograms::{Asked, Shown as Histogram, Wanted};
 use crate::ui::motion::Drawing;
 use crate::ui::picture::Picture;
 use crate::ui::probe::Hover;
@@ -28,6 +30,27 @@ impl Session {
     /// Means and histograms of the field, as far as they are known.
     pub fn survey(&self) -> Arc<Surveyed> {
         self.insight.survey.snapshot()
+    }
+
+    /// Requests the histogram over which a transfer function is edited: of the series, or of the step shown. `None`: nobody looks at one.
+    pub fn want_histogram(&mut self, wanted: Option<(Space, bool)>) {
+        let series = self.series().clone();
+        let step = self.shown.as_ref().map(|shown| shown.request.time.step());
+        let asked = wanted.and_then(|(kind, is_of_step)| {
+            let of = if is_of_step { Wanted::Step(step?) } else { Wanted::Series };
+            Some(Asked { series, kind, of })
+        });
+        self.insight.histograms.ask(asked);
+    }
+
+    /// The last histogram that was found; of this series, if of other axes or another step than the one requested.
+    pub fn histogram(&self) -> Option<&Arc<Histogram>> {
+        self.insight.histograms.shown()
+    }
+
+    /// Why there is no histogram, or not the one requested.
+    pub fn histogram_problem(&self) -> Option<&str> {
+        self.insight.histograms.problem()
     }
 
     /// The thumbnail of a step; requested if missing. `None` also drops a pending request.

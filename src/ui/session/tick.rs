@@ -69,7 +69,7 @@ impl Session {
         }
         self.insight.take(request);
         let is_late = state.playing && (state.speed.is_none() || shortfall(&state).is_some());
-        self.insight.survey.pause(is_busy || is_late);
+        self.insight.pause(is_busy || is_late);
         let busy = is_busy.then(|| self.busy_until.saturating_sub(now));
         let wait = tick.wait.into_iter().chain(self.rest(now)).chain(busy).min();
         (is_new, wait)
@@ -164,10 +164,10 @@ impl Session {
     fn finish_jobs(&mut self) {
         while let Some(done) = self.jobs.take() {
             match done {
-                Done::Screenshot(Ok(path)) => {
+                Done::Written(Ok(path)) => {
                     notice::add(&mut self.notices, NoticeKind::Done, format!("saved {}", path.display()));
                 }
-                Done::Screenshot(Err(error)) => self.fail(error.to_string()),
+                Done::Written(Err(error)) => self.fail(error.to_string()),
                 Done::Project(written, state) => {
                     self.is_saving = false;
                     match written {
@@ -178,6 +178,8 @@ impl Session {
                         Err(error) => self.fail(error.to_string()),
                     }
                 }
+                Done::Function(Ok(tf), colors_only) => self.take_function(tf, colors_only),
+                Done::Function(Err(error), _) => self.fail(error.to_string()),
                 Done::Compared(error, _) => self.motion_error = Some(error),
                 Done::Failed(problem) => {
                     (self.opens_field, self.is_saving) = (false, false);
