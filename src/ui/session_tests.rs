@@ -19,7 +19,7 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-const LONG: Duration = Duration::from_secs(60);
+pub(super) const LONG: Duration = Duration::from_secs(60);
 
 pub(super) fn store() -> &'static Arc<Store> {
     static STORE: OnceLock<(tempfile::TempDir, Arc<Store>)> = OnceLock::new();
