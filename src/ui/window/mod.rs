@@ -2,8 +2,11 @@
 
 mod axes;
 mod blit;
+mod editor;
 mod files;
+mod function_file;
 mod input;
+mod members;
 mod overlay;
 mod painted;
 mod point;
@@ -19,7 +22,6 @@ mod statistics;
 mod strip;
 mod surfaces;
 mod timeline;
-mod transfer_editor;
 mod unsaved;
 mod viewport;
 mod waker;
@@ -474,6 +476,7 @@ impl PlayerWindow {
                 self.side.show(ui, session, &mut self.overlays, &mut actions);
             });
         }
+        session.want_histogram(self.side.take_histogram());
         let painted = self.screen.painted();
         let viewport = egui::CentralPanel::default()
             .frame(egui::Frame::NONE)

@@ -1,11 +1,11 @@
 //! Controls of the project: its file, undo and redo, its ensembles with their members, its camera path.
 
+use super::members::Members;
 use super::overlay::shortened;
 use super::widgets::labelled;
 use crate::look::EnsembleChoice;
-use crate::project::{Edit, Project, Timeline};
+use crate::project::{Project, Timeline};
 use crate::timeline::At;
-use crate::transfer::Ensemble;
 use crate::ui::{Action, Session};
 use eframe::egui;
 use egui::containers::menu::{MenuButton, MenuConfig};
@@ -24,7 +24,7 @@ pub(super) struct ProjectMenu {
     may_replace: bool,
 }
 
-/// Whether a project says more than a look: its part of the side panel is shown then.
+/// Whether a project says more than a look: its part of the side panel is open then.
 pub(super) fn says_more(session: &Session) -> bool {
     let project = session.project();
     has_choice(project) || project.ensembles.iter().any(|of| of.members.len() > 1)
@@ -36,15 +36,12 @@ fn has_choice(project: &Project) -> bool {
 }
 
 /// Shows the project's part of the side panel.
-pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
+pub(super) fn show(ui: &mut Ui, session: &Session, members: &mut Members, actions: &mut Vec<Action>) {
     let project = session.project();
     if has_choice(project) {
         ensembles(ui, session, project, actions);
     }
-    let edited = session.edited_ensemble();
-    if let Some(ensemble) = project.ensembles.get(edited).filter(|ensemble| ensemble.members.len() > 1) {
-        members(ui, session, (edited, ensemble), actions);
-    }
+    members.show(ui, session, actions);
     // While playing the line would flicker with every step.
     if session.is_working_out() && !session.state().playing {
         ui.label("working out the colours");
@@ -140,27 +137,8 @@ fn ensembles(ui: &mut Ui, session: &Session, project: &Project, actions: &mut Ve
     });
 }
 
-/// The members of an ensemble: the edited one is marked, each can be left out.
-fn members(ui: &mut Ui, session: &Session, (index, ensemble): (usize, &Ensemble), actions: &mut Vec<Action>) {
-    ui.label(format!("Members of {}", shortened(&ensemble.name, NAME)));
-    let edited = session.edited_member().map(|(_, member)| member);
-    for (at, member) in ensemble.members.iter().enumerate() {
-        ui.horizontal(|ui| {
-            let mut changed = member.clone();
-            let enabled = ui.checkbox(&mut changed.enabled, "");
-            if labelled(enabled, &format!("Use the member {}", member.name)).changed() {
-                let member = Box::new(changed);
-                actions.push(Action::Edit(Box::new(Edit::SetMember { ensemble: index, index: at, member })));
-            }
-            if ui.selectable_label(edited == Some(at), shortened(&member.name, NAME)).clicked() {
-                actions.push(Action::Member(at));
-            }
-        });
-    }
-}
-
 /// Largest length of a name; longer ones are cut.
-const NAME: usize = 32;
+pub(super) const NAME: usize = 32;
 
 /// The timeline's ensembles at the time on the screen.
 fn on_timeline(session: &Session, project: &Project) -> String {

@@ -1,8 +1,10 @@
 //! The side panel: controls of data and look.
 
+use super::editor::Editor;
+use super::function_file::FunctionMenu;
+use super::members::Members;
 use super::overlay::{self, Overlays, horizontal_strip};
 use super::project::{self, ProjectMenu};
-use super::transfer_editor::TransferEditor;
 use super::welcome::{self, PathBox, Wish};
 use super::widgets::{chosen, color_button, labelled, number, within_width};
 use super::{point, statistics, surfaces};
@@ -10,7 +12,7 @@ use crate::camera::{Axis, Projection};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode};
 use crate::playback::quality::Family;
-use crate::transfer::{ColorMap, MappedRange, RangePolicy};
+use crate::transfer::{ColorMap, MappedRange, OpacityKind, RangePolicy, Space};
 use crate::ui::settings::RecentFile;
 use crate::ui::{Action, IMAGE_SCALES, Session, TARGET_FPS};
 use eframe::egui;
@@ -21,9 +23,11 @@ use egui::{CollapsingHeader, DragValue, Role, Sense, Ui, WidgetInfo, vec2};
 pub(super) const WIDTH: f32 = 250.0;
 
 /// State of the panel itself.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(super) struct Side {
-    editor: TransferEditor,
+    editor: Editor,
+    function: FunctionMenu,
+    members: Members,
     project: ProjectMenu,
 }
 
@@ -45,6 +49,11 @@ impl Side {
         row.inner
     }
 
+    /// The histogram that was looked at since the last call: its axes, and whether it is that of the step shown.
+    pub(super) fn take_histogram(&mut self) -> Option<(Space, bool)> {
+        self.editor.take_wanted()
+    }
+
     /// Shows the panel.
     pub(super) fn show(&mut self, ui: &mut Ui, session: &Session, overlays: &mut Overlays, actions: &mut Vec<Action>) {
         // The bar has its own room: widgets under it could not be dragged.
@@ -52,18 +61,20 @@ impl Side {
         scroll.floating_allocated_width = scroll.bar_width + scroll.bar_inner_margin;
         egui::ScrollArea::vertical().auto_shrink([false, true]).show(ui, |ui| {
             within_width(ui, |ui| {
-                let section = |ui: &mut Ui, title: &str, show: &mut dyn FnMut(&mut Ui)| {
-                    CollapsingHeader::new(title).default_open(true).show(ui, |ui| show(ui));
+                let header = |ui: &mut Ui, title: &str, is_open: bool, show: &mut dyn FnMut(&mut Ui)| {
+                    CollapsingHeader::new(title).default_open(is_open).show(ui, |ui| show(ui));
                 };
+                let section = |ui: &mut Ui, title: &str, show: &mut dyn FnMut(&mut Ui)| header(ui, title, true, show);
                 section(ui, "Field", &mut |ui| field(ui, session, actions));
-                if project::says_more(session) {
-                    section(ui, "Project", &mut |ui| project::show(ui, session, actions));
-                }
-                section(ui, "Colours", &mut |ui| colors(ui, session, actions));
+                header(ui, "Project", project::says_more(session), &mut |ui| {
+                    project::show(ui, session, &mut self.members, actions);
+                });
+                section(ui, "Colours", &mut |ui| {
+                    colors(ui, session, &mut self.function, actions);
+                });
                 section(ui, "Opacity", &mut |ui| {
-                    if let Some(range) = session.shown_range() {
-                        self.editor.show(ui, session, &range, actions);
-                    }
+                    self.editor.show(ui, session, actions);
+                    opacity(ui, session, actions);
                 });
                 section(ui, "Surfaces", &mut |ui| surfaces::show(ui, session, actions));
                 section(ui, "Point", &mut |ui| point::show(ui, session, actions));
@@ -111,16 +122,31 @@ fn field(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     }
 }
 
-/// Text for a member that has no curve.
-pub(super) const SHAPES: &str = "shapes over a histogram, from the project file";
-
-fn colors(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
+fn colors(ui: &mut Ui, session: &Session, menu: &mut FunctionMenu, actions: &mut Vec<Action>) {
     match session.function() {
         Some(tf) => color_map(ui, tf.color_map(), actions),
-        None => drop(ui.label(SHAPES)),
+        None => drop(ui.label("each shape has its own")),
     }
+    menu.show(ui, actions);
     if let (Some(member), Some(range)) = (session.member(), session.shown_range()) {
         range_of_colors(ui, session, (member.range, &range), actions);
+    }
+}
+
+/// What opacities mean, and the length that they refer to.
+fn opacity(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
+    let look = session.look();
+    let kinds = [(OpacityKind::Alpha, "opacities"), (OpacityKind::Extinction, "optical depths")];
+    actions.extend(chosen(ui, "Kind of opacity", look.opacity_kind, &kinds).map(Action::OpacityKind));
+    let before = look.lengths.unit_distance;
+    let mut distance = before;
+    ui.horizontal(|ui| {
+        let drag = DragValue::new(&mut distance).speed(before / 100.0).custom_formatter(|x, _| overlay::number(x));
+        number(ui, drag, "Unit distance: the length that opacities refer to");
+        ui.label("unit distance");
+    });
+    if distance != before {
+        actions.push(Action::UnitDistance(distance));
     }
 }
 
