@@ -143,6 +143,12 @@ pub enum Action {
     Screenshot,
     /// Shows the help, or hides it.
     Help,
+    /// Fills the screen with the window, or no longer.
+    Fullscreen,
+    /// Closes the help; else dismisses the last message, or else forgets the picked point.
+    Close,
+    /// Returns to what was saved last, or with which the window was opened; that can be undone.
+    Revert,
     /// Dismisses a message.
     Dismiss(usize),
 }

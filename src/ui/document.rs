@@ -125,6 +125,13 @@ impl Document {
         }
     }
 
+    /// Returns to the state of [`Self::is_changed`]; [`Self::record`] makes it a change that can be undone.
+    pub(super) fn revert(&mut self, look: &mut Look) {
+        let saved = self.saved.clone();
+        self.project = saved.project.clone();
+        saved.restore(look);
+    }
+
     fn turn_to(&mut self, state: State, look: &mut Look) {
         self.gesture = None;
         self.project = state.project.clone();

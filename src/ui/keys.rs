@@ -69,6 +69,8 @@ pub fn bindings() -> Vec<Binding> {
         ctrl("Z", true, Action::Redo, "do it again"),
         ctrl("S", false, Action::SaveProject { to: None, may_replace: false }, "save the project"),
         plain("S", Action::Screenshot, "save the picture as a PNG file here"),
+        plain("F11", Action::Fullscreen, "the whole screen, or the window again"),
+        plain("Escape", Action::Close, "close the help, a message, the followed point"),
         plain("H", Action::Help, "this help"),
         plain("?", Action::Help, "this help"),
     ]);

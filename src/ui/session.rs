@@ -18,7 +18,7 @@ use crate::camera::Camera;
 use crate::look::{Look, mapped_range};
 use crate::pipeline::{FrameRequest, KeyedSurfaces, Series, SharedFrame, SurfaceLook};
 use crate::playback::quality::{Family, Quality, QualityControl};
-use crate::playback::{Player, State};
+use crate::playback::{Command, Player, State};
 use crate::project::{Data, Edit, Project};
 use crate::store::Store;
 use crate::timeline::At;
@@ -131,6 +131,7 @@ pub struct Session {
     has_window_gpu: bool,
     notices: Vec<Notice>,
     help_is_open: bool,
+    is_fullscreen: bool,
     jobs: Jobs,
     opens_field: bool,
     is_saving: bool,
@@ -192,6 +193,7 @@ impl Session {
             has_window_gpu: false,
             notices: Vec::new(),
             help_is_open: false,
+            is_fullscreen: false,
             jobs: Jobs::new(wake),
             opens_field: false,
             is_saving: false,
@@ -399,11 +401,18 @@ impl Session {
     }
 
     /// Continues with the grown series.
-    pub fn grow(&mut self, store: Arc<Store>, series: Arc<Series>) {
+    ///
+    /// At rest on the last step it goes on to the new last one.
+    pub fn grow(&mut self, store: Arc<Store>, series: Arc<Series>, now: Duration) {
+        let before = self.state();
+        let is_at_end = !before.playing && before.frame.is_some_and(|frame| frame.step() + 1 == before.steps);
         match self.player.grow(series) {
             Ok(()) => {
                 self.store = store;
                 self.study();
+                if is_at_end && let Err(error) = self.player.apply(Command::SeekStep(usize::MAX), now) {
+                    self.fail(error.to_string());
+                }
             }
             Err(error) => self.fail(error.to_string()),
         }
@@ -425,6 +434,11 @@ impl Session {
     /// Whether the help is on the screen.
     pub fn help_is_open(&self) -> bool {
         self.help_is_open
+    }
+
+    /// Whether the window should fill the screen.
+    pub fn is_fullscreen(&self) -> bool {
+        self.is_fullscreen
     }
 
     /// Whether another field is being opened.

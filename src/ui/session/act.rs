@@ -151,11 +151,24 @@ impl Session {
             Action::ForgetPick => self.insight.forget_pick(),
             Action::Screenshot => self.wants_screenshot = true,
             Action::Help => self.help_is_open = !self.help_is_open,
+            Action::Fullscreen => self.is_fullscreen = !self.is_fullscreen,
+            Action::Close => self.close(),
+            Action::Revert => self.document.revert(&mut self.look),
             Action::Dismiss(index) => {
                 if index < self.notices.len() {
                     self.notices.remove(index);
                 }
             }
+        }
+    }
+
+    /// Closes what is open, one after the other.
+    fn close(&mut self) {
+        if std::mem::take(&mut self.help_is_open) {
+            return;
+        }
+        if self.notices.pop().is_none() {
+            self.insight.forget_pick();
         }
     }
 

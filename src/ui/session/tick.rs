@@ -17,10 +17,11 @@ impl Session {
     /// the latest (`None`: after an action, or when woken).
     pub fn tick(&mut self, now: Duration) -> (bool, Option<Duration>) {
         self.finish_jobs();
+        let passes = notice::pass(&mut self.notices, now);
         self.requests.worker.collect();
         let (state, is_busy) = (self.state(), now < self.busy_until);
         self.player.pipelined().leave_a_core(is_busy);
-        let Some(size) = self.size_px() else { return (false, None) };
+        let Some(size) = self.size_px() else { return (false, passes) };
         // An image to be saved must be on the CPU.
         let is_elsewhere = self.shown.as_ref().is_some_and(|shown| shown.frame.planes.color.pixels.is_empty());
         let for_window = self.has_window_gpu && !(self.wants_screenshot && is_elsewhere);
@@ -71,7 +72,7 @@ impl Session {
         let is_late = state.playing && (state.speed.is_none() || shortfall(&state).is_some());
         self.insight.pause(is_busy || is_late);
         let busy = is_busy.then(|| self.busy_until.saturating_sub(now));
-        let wait = tick.wait.into_iter().chain(self.rest(now)).chain(busy).min();
+        let wait = tick.wait.into_iter().chain(self.rest(now)).chain(busy).chain(passes).min();
         (is_new, wait)
     }
 

@@ -434,10 +434,11 @@ impl PlayerWindow {
             followed.series = session.series().clone();
             followed.follower.set_field(followed.series.clone());
         }
+        let now = self.started.elapsed();
         while let Some(grown) = followed.follower.take() {
             match grown {
                 Ok(grown) => {
-                    session.grow(grown.store, grown.series);
+                    session.grow(grown.store, grown.series, now);
                     followed.series = session.series().clone();
                 }
                 Err(problem) => session.fail(problem),
@@ -512,7 +513,11 @@ impl PlayerWindow {
                 ctx.request_repaint();
             }
         }
+        let was_fullscreen = session.is_fullscreen();
         actions.into_iter().for_each(|action| session.act(action, now));
+        if session.is_fullscreen() != was_fullscreen {
+            ctx.send_viewport_cmd(egui::ViewportCommand::Fullscreen(session.is_fullscreen()));
+        }
         let (is_new, wait) = session.tick(now);
         if self.screen.update(ctx, session, is_new) {
             session.ask_again();

@@ -43,9 +43,9 @@ pub(super) fn quality(field: &StoredField) -> String {
     match &field.quality {
         Some(quality) => {
             let units = field.units.as_deref().map_or(String::new(), |units| format!(" {units}"));
-            format!("stored with errors up to {}{units}", number(quality.max_error))
+            format!("errors up to {}{units}", number(quality.max_error))
         }
-        None if field.magnitude_of.is_empty() => "stored without error".to_owned(),
+        None if field.magnitude_of.is_empty() => "lossless".to_owned(),
         None => format!("computed from {}", field.magnitude_of.join(", ")),
     }
 }

@@ -62,6 +62,13 @@ impl ProjectMenu {
         MenuButton::new("Save...").config(stays).ui(ui, |ui| {
             file(ui, session, actions);
             self.save_as(ui, session, actions);
+            ui.separator();
+            let hint = "All but the camera as it was saved, or as the window was opened; can be undone";
+            let revert = ui.add_enabled(session.is_changed(), Button::new("Back to what was saved"));
+            if revert.on_hover_text(hint).clicked() {
+                actions.push(Action::Revert);
+                ui.close();
+            }
         });
         let (undo, redo) = session.changes();
         let mut button = |text: &str, key: &str, is_enabled: bool, action: Action| {
