@@ -82,6 +82,11 @@ pub fn check_place(path: &Path) -> FileResult<()> {
     Err(FileError::invalid(parent, "", "is not a folder").remedy("create it first"))
 }
 
+/// The error of a file that would be replaced, and may not be.
+pub fn taken(path: &Path) -> FileError {
+    FileError::invalid(path, "", "there is a file of that name").remedy("choose another name, or replace it")
+}
+
 /// Reads a whole file.
 ///
 /// # Errors

@@ -5,6 +5,7 @@ use super::motion::MotionError;
 use crate::error::{FileError, FileResult};
 use crate::export::still::{Background, FrameAttributes, OutputFrame, StillOptions, write_still};
 use crate::field::FieldSelector;
+use crate::files;
 use crate::image::Planes;
 use crate::look::Look;
 use crate::pipeline::{FrameRequest, Series, SharedFrame};
@@ -75,7 +76,7 @@ impl Jobs {
     pub(super) fn write_project(&self, project: Project, path: PathBuf, may_replace: bool, state: State) {
         self.run(move || {
             let is_free = may_replace || !path.exists();
-            let written = if is_free { project.write(&path) } else { Err(taken(&path).into()) };
+            let written = if is_free { project.write(&path) } else { Err(files::taken(&path).into()) };
             Done::Project(written.map(|()| path), Box::new(state))
         });
     }
@@ -103,11 +104,6 @@ impl Jobs {
             let _ = failed.send(Done::Failed(format!("the system gives no thread: {error}")));
         }
     }
-}
-
-/// The error of a file that is there already.
-fn taken(path: &Path) -> FileError {
-    FileError::invalid(path, "", "there is a file of that name").remedy("choose another name, or replace it")
 }
 
 /// An image to be written.
