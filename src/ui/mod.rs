@@ -8,14 +8,14 @@
 //!
 //! ```text
 //! keys, mouse, widgets -> Action -> Session -> Player -> frames -> Screen -> painted
-//!                                   Session -> Prober, Survey, Thumbnails, Jobs -> what they find, with the next tick
+//!                                   Session -> Prober, Survey, Thumbnails, Exports, Jobs -> what they find, with the next tick
 //! ```
 //!
 //! - **The thread of the window** does not decode, render, convert or read; it waits a millisecond at most, for a project's table. Slow
 //!   work has threads: the pipeline; `picture` (pixels for the screen); `probe` (the point under the mouse: in the cell on the ray that
 //!   contributes most to the pixel's opacity; and a point's value at every step); `survey` (means and histograms, coarse to fine, paused
 //!   while the user acts or frames come late); `thumbnails`; `opening` (a store, or a source that is imported to the cache first);
-//!   `following` (a store that grows); `settings`; fields and images in `jobs`. Each ends with its owner; those that read data catch their
+//!   `following` (a store that grows); `settings`; `exporting` (images and movies, and the preview of its dialog); fields and images in `jobs`. Each ends with its owner; those that read data catch their
 //!   panics and report them in a message.
 //! - **One state.** What the window shows is a project (`document.rs`), be it one of a look without a file; a transfer function is an ensemble of one
 //!   member. States before a change are kept whole, for undo.
@@ -48,6 +48,7 @@ mod action;
 mod document;
 #[cfg(test)]
 mod drag_tests;
+pub mod exporting;
 pub mod following;
 mod history;
 mod insight;
@@ -67,7 +68,7 @@ mod project_worker;
 mod requests;
 mod session;
 #[cfg(test)]
-mod session_tests;
+pub(crate) mod session_tests;
 pub mod settings;
 mod still;
 pub mod survey;
@@ -83,4 +84,4 @@ pub use keeper::SettingsKeeper;
 pub use motion::MotionError;
 pub use notice::{Notice, NoticeKind};
 pub use pace::shortfall;
-pub use session::{DEFAULT_TARGET_FPS, IMAGE_SCALES, Session, SessionOptions, Shown, TARGET_FPS};
+pub use session::{DEFAULT_TARGET_FPS, ExportCommand, IMAGE_SCALES, Session, SessionOptions, Shown, TARGET_FPS};

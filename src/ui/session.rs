@@ -1,11 +1,13 @@
 //! The state of a player window, without the window.
 
 mod act;
+mod export;
 mod insight;
 mod quality;
 mod tick;
 
 use super::document::Document;
+use super::exporting::Exports;
 use super::history::History;
 use super::insight::Insight;
 use super::jobs::Jobs;
@@ -22,6 +24,7 @@ use crate::project::{Data, Project};
 use crate::store::Store;
 use crate::timeline::At;
 use crate::transfer::{Function, MappedRange, Member, RangePolicy, TransferFunction};
+pub use export::ExportCommand;
 pub use quality::{DEFAULT_TARGET_FPS, TARGET_FPS};
 use std::cell::OnceCell;
 use std::io;
@@ -131,6 +134,7 @@ pub struct Session {
     notices: Vec<Notice>,
     help_is_open: bool,
     jobs: Jobs,
+    exports: Exports,
     opens_field: bool,
     is_saving: bool,
     wants_screenshot: bool,
@@ -191,6 +195,7 @@ impl Session {
             has_window_gpu: false,
             notices: Vec::new(),
             help_is_open: false,
+            exports: Exports::new(wake.clone()),
             jobs: Jobs::new(wake),
             opens_field: false,
             is_saving: false,

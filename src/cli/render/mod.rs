@@ -1,5 +1,7 @@
 //! `tetreel render`: frames of a series to image files or to a movie.
 
+#[cfg(test)]
+mod export_tests;
 mod time;
 mod upsample;
 

@@ -141,6 +141,7 @@ impl Session {
             Action::Pick => self.insight.pick(),
             Action::ForgetPick => self.insight.forget_pick(),
             Action::Screenshot => self.wants_screenshot = true,
+            Action::Export(action) => self.export(action),
             Action::Help => self.help_is_open = !self.help_is_open,
             Action::Dismiss(index) => {
                 if index < self.notices.len() {
