@@ -63,14 +63,14 @@ impl Job {
         let made_by = format!("{}: {}", self.name, scene.transfer_function());
         let naming = Naming { dataset: &self.dataset, made_by: &made_by };
         let mut run = self.options.run(plan, ffmpeg, &scene, &naming)?;
-        run.threads = PipelinedOptions { threads: Some(threads()), give_way: true, ..run.threads };
+        run.threads = PipelinedOptions { threads: Some(rayon::current_num_threads()), give_way: true, ..run.threads };
         run.written = shared.written.clone();
         let records = run.render(&mut scene, shared)?;
         Ok(run.output.summary(&records))
     }
 }
 
-/// Number of threads that render: one core is left to the player.
+/// Number of threads of an export: one core is left to the player.
 fn threads() -> usize {
     rayon::current_num_threads().saturating_sub(1).max(1)
 }
@@ -260,6 +260,11 @@ impl Running {
         self.cancel.is_cancelled()
     }
 
+    /// Whether it has written a file.
+    pub(super) fn has_written(&self) -> bool {
+        self.shared.written.bytes() > 0
+    }
+
     /// How it ended; `None`: it is under way.
     pub(super) fn end(&self) -> Option<End> {
         lock(&self.shared.state).end.clone()
@@ -273,5 +278,20 @@ impl Drop for Running {
             // Panics are caught on the thread.
             let _ = thread.join();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_disk_has_a_remedy_and_other_remedies_stay() {
+        let full = FileError::io("/a/f_3.png", "write", &io::ErrorKind::StorageFull.into());
+        let Failure(text) = RunError::File(full).into();
+        assert!(text.starts_with("/a/f_3.png: cannot write: ") && text.ends_with("with room on its disk"), "{text}");
+        let taken = crate::files::taken("/a/f_3.png".as_ref());
+        let Failure(text) = OptionsError::File(taken).into();
+        assert!(text.ends_with("choose another name, or replace it"), "{text}");
     }
 }

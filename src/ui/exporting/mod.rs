@@ -142,6 +142,9 @@ impl Exports {
     /// Opens the dialog or closes it; returns whether it is open.
     pub(super) fn toggle(&mut self) -> bool {
         self.is_open = !self.is_open;
+        if !self.is_open {
+            (self.preview, self.previewed) = (None, None);
+        }
         self.is_open
     }
 
@@ -198,9 +201,9 @@ impl Exports {
     /// Takes the end of the export: what was written, or the problem.
     pub(super) fn take_end(&mut self) -> Option<Result<String, String>> {
         let end = self.running.as_ref()?.end()?;
-        let job = self.running.take()?.job.clone();
-        let can_resume = job.can_be_resumed();
-        self.left = Some(job).filter(|_| can_resume && !matches!(end, End::Done(_)));
+        let running = self.running.take()?;
+        let can_resume = running.job.can_be_resumed() && (running.has_written() || end == End::Cancelled);
+        self.left = Some(running.job.clone()).filter(|_| can_resume && !matches!(end, End::Done(_)));
         Some(match end {
             End::Done(text) => Ok(text),
             End::Cancelled if can_resume => Ok("the export was cancelled; Resume goes on with it".to_owned()),

@@ -186,6 +186,28 @@ fn what_cannot_be_exported_is_said_in_one_message() {
 }
 
 #[test]
+fn what_no_project_file_may_have_is_refused() {
+    let ensemble = "[[ensembles]]\nname = \"a\"\n[[ensembles.members]]\nname = \"one\"\n\
+        function = { transfer-function = { color_map = \"viridis\", points = [[0, 0.01], [1, 0.3]] } }\n";
+    let text =
+        format!("version = 1\n[data]\nsource = \"x.zarr\"\n{ensemble}[[timeline.lod]]\ntime = 0.0\nvalue = 0.5\n");
+    let project = Arc::new(Project::parse(&text, Path::new("p.toml")).unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    let mut desk = open(&Arc::new(Series::open(store(), None).unwrap()), folder.path(), Some(project));
+    choose_all(&mut desk, &folder.path().join("f_%d.png"));
+    desk.act(Action::Renderer(RenderMode::Raycast));
+    let (kind, text) = run(&mut desk);
+    assert!(
+        kind == NoticeKind::Error && text.contains("mode 'raycast' always draws all cells; leave it out"),
+        "{text}"
+    );
+    // Without the keys there is nothing to refuse.
+    desk.act(Action::LevelOfDetail(1.0));
+    let (kind, text) = run(&mut desk);
+    assert!(kind == NoticeKind::Done && files(folder.path()).len() == 4, "{text}");
+}
+
+#[test]
 fn choices_without_a_meaning_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let mut desk = real(folder.path());

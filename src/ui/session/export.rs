@@ -2,6 +2,7 @@
 
 use super::Session;
 use crate::export::run::RunOptions;
+use crate::files::name_of;
 use crate::look::{EnsembleChoice, Followed, Look};
 use crate::pipeline::{FrameTime, Shown};
 use crate::project::{Project, Timeline};
@@ -124,11 +125,13 @@ impl Session {
         }
         let Some(choices) = self.exports.choices().filter(|_| self.exports.is_open()).cloned() else { return };
         let color = |rgb: [u8; 3]| rgb.map(|c| f32::from(c) / 255.0);
+        // A movie has no opacity.
+        let behind = if choices.still_format().is_some() { self.background } else { [0.0; 3] };
         let of = PreviewOf {
             series: self.series().clone(),
             project: self.project().clone(),
             look: self.look.clone(),
-            background: choices.background.map_or(self.background, color),
+            background: choices.background.map_or(behind, color),
             choices,
             moment: self.moment(),
         };
@@ -164,11 +167,6 @@ impl Session {
         words.extend(["--backend".into(), self.look.backend.to_string().into()]);
         Some(ExportCommand { line: exporting::line(&words), words, notes })
     }
-}
-
-/// The name of a series, a store or a project, as `render` has it.
-fn name_of(path: &Path) -> String {
-    path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
 /// Leaves out of a timeline what the window does not follow. Returns what that is, but for the camera, which the command line can name.
