@@ -82,6 +82,16 @@ pub fn check_place(path: &Path) -> FileResult<()> {
     Err(FileError::invalid(parent, "", "is not a folder").remedy("create it first"))
 }
 
+/// Name of a series, of a store or of a project, for titles and records.
+pub fn name_of(path: &Path) -> String {
+    path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// The error of a file that would be replaced, and may not be.
+pub fn taken(path: &Path) -> FileError {
+    FileError::invalid(path, "", "there is a file of that name").remedy("choose another name, or replace it")
+}
+
 /// Reads a whole file.
 ///
 /// # Errors

@@ -137,6 +137,22 @@ impl Scene {
         self.animation.as_ref().map(Animation::project)
     }
 
+    /// Checks that there are requests for the first step and for all that the project's timeline names.
+    ///
+    /// # Errors
+    /// As [`Self::request`], or if there is no view through the look's camera.
+    pub fn check(&mut self) -> Result<(), SceneError> {
+        if self.pipeline.times().is_empty() {
+            return Ok(());
+        }
+        for at in self.project().map(|project| project.timeline.places()).unwrap_or_default() {
+            self.request_at(0.into(), at)?;
+        }
+        self.request(0)?;
+        self.look.camera.view(self.size_px.0, self.size_px.1)?;
+        Ok(())
+    }
+
     /// The flag that ends long operations.
     pub fn cancel(&self) -> &Cancel {
         &self.cancel

@@ -59,7 +59,7 @@ impl Job<'_> {
             let now = fingerprint(&self.args.sources);
             if now.is_none() || now != seen {
                 // Steps that the source lacks now may come later.
-                match self.look(|steps, count, _| steps::cut(steps, count), terminal) {
+                match self.look(|steps, count, _| steps.within(count), terminal) {
                     Ok(done) => {
                         complained_of = None;
                         if !matches!(&done, Done::Appended(report) if report.plan.steps_added == 0) {

@@ -4,7 +4,7 @@ mod accuracy;
 
 use super::progress::Terminal;
 use super::scene::{SceneArgs, SizeArgs, gpu_report};
-use super::{Outcome, memory, print_result, source};
+use super::{Outcome, print_result, source};
 use crate::bench::accuracy::{AccuracyTable, EqualTimeTable, IntegrationTable, TABLE_SIZES, integration_errors};
 use crate::bench::{
     BenchReport, BenchRun, FrameBench, HeldBench, HeldRun, MOTIONS, Machine, Motion, PlaybackBench, PlaybackRun,
@@ -107,7 +107,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
 /// The frame, playback and motion suites on one series.
 fn run_moving(path: &Path, args: &Args, terminal: &Terminal, report: &mut BenchReport) -> anyhow::Result<()> {
     let store = source::open(path, terminal)?;
-    memory::check(args.image.size, 1)?;
+    args.image.size.check_memory(1)?;
     let mut scene = args.scene.open(&store, args.image.size, None, &terminal.cancel)?;
     let (dataset, request, pipeline) = (source::name_of(path), scene.request(0)?, &mut scene.pipeline);
     let frames = args.frames as usize;

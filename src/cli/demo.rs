@@ -80,7 +80,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
     let options = StillOptions { background: BACKGROUND, ..Default::default() };
     let plan = Plan::of_steps(&steps, scene.pipeline.times());
     let output = Output::Images { pattern: pattern.clone(), options };
-    let run = Run { plan, output, annotator: None, resume: false };
+    let run = Run::new(plan, output);
     run.render(&mut scene, terminal)?;
 
     let shown = (0..SHEET.0 * SHEET.1).map(|i| pattern.path(2 * i + 1));

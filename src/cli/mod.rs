@@ -11,7 +11,6 @@ mod export;
 mod import;
 mod info;
 mod manual;
-mod memory;
 #[cfg(feature = "gui")]
 mod play;
 mod progress;

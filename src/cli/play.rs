@@ -32,7 +32,7 @@ Example:
   tetreel play                      drop a file on the window
 
 In the window, H shows all keys: Space plays and pauses, Left and Right step, a drag turns, the wheel zooms, a click follows a
-point over time, S saves the picture.")]
+point over time, S saves the picture, Ctrl E exports images and movies.")]
 pub(super) struct Args {
     #[arg(value_name = "NAME.zarr|PROJECT.toml")]
     #[arg(help = format!("A store, a source ({}) to import to the cache first (several .vtu files are one series), or a project \

@@ -32,6 +32,12 @@ impl Terminal {
         Self { quiet, verbose, bar: Mutex::new(None), cancel }
     }
 
+    /// A terminal that says nothing and is not interrupted.
+    #[cfg(test)]
+    pub(super) fn silent() -> Self {
+        Self { quiet: true, verbose: false, bar: Mutex::new(None), cancel: Cancel::new() }
+    }
+
     /// Prints a line, unless `--quiet`.
     pub(super) fn say(&self, line: &str) {
         if !self.quiet {

@@ -2,7 +2,7 @@
 
 use super::Cli;
 use crate::export::movie::MovieFormat;
-use crate::export::run::RunError;
+use crate::export::run::{RunError, pattern_in};
 use crate::export::still::StillFormat;
 use crate::files;
 use crate::pipeline::RenderMode;
@@ -115,12 +115,15 @@ pub(super) fn in_file(error: anyhow::Error, project: Option<&Path>) -> anyhow::E
     }
 }
 
-/// Removes output settings of the project that are for another kind of file than the user's, or that spread frames over time if the user
-/// names the steps.
+/// Removes output settings of the project that are for another kind of file than the user's, that spread frames over time if the user
+/// names the steps, or that are about a small image if the user names its size.
 fn leave_out_what_does_not_fit(output: &mut Output, given: &ArgMatches) {
     let says = |option: &str| given.value_source(option) == Some(ValueSource::CommandLine);
     if says("steps") && !says("duration") {
         (output.duration, output.interpolate) = (None, None);
+    }
+    if says("image_scale") && !says("upsample") {
+        (output.upsample, output.kernel, output.sigma_depth, output.layers) = Default::default();
     }
     let asked = given.get_raw("output").and_then(|mut words| words.next()).map(PathBuf::from);
     let Some(path) = asked.or_else(|| output.output.clone()) else { return };
@@ -156,7 +159,7 @@ fn output_options(project: &Project, folder: &Path) -> anyhow::Result<Vec<OsStri
     let mut options = options(&Output { output: None, ..project.output.clone() })?;
     if let Some(output) = &project.output.output {
         let mut word = OsString::from("--output=");
-        word.push(within(folder, output));
+        word.push(pattern_in(folder, output));
         options.push(word);
     }
     Ok(options)
@@ -176,18 +179,6 @@ fn options(table: &impl Serialize) -> anyhow::Result<Vec<OsString>> {
     let mut options = Vec::new();
     toml::Table::try_from(table)?.iter().for_each(|(name, value)| add(&mut options, name, value));
     Ok(options)
-}
-
-/// A file pattern in a folder; a % in the folder's name is doubled, as it is no pattern.
-fn within(folder: &Path, pattern: &Path) -> PathBuf {
-    if pattern.is_absolute() {
-        return pattern.to_owned();
-    }
-    let mut bytes = Vec::new();
-    for &byte in folder.as_os_str().as_encoded_bytes() {
-        bytes.extend_from_slice(if byte == b'%' { b"%%" } else { std::slice::from_ref(&byte) });
-    }
-    files::os_string(bytes).map_or_else(|| folder.to_owned(), PathBuf::from).join(pattern)
 }
 
 #[cfg(test)]

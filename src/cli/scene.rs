@@ -4,6 +4,7 @@ use super::Interrupted;
 use super::surfaces::{self, SurfaceArgs};
 use crate::camera::Camera;
 use crate::codec::BlockCache;
+use crate::export::run::{check_memory, parse_size};
 use crate::field::FieldSelector;
 use crate::look::{DEFAULT_TF, Look};
 use crate::optics::OpticsKind;
@@ -132,19 +133,18 @@ impl FromStr for ByteCount {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct SizePx(pub(super) usize, pub(super) usize);
 
-/// Largest width or height: 32768 squared pixels of 16 bytes are 16 GiB.
-const SIZE_MAX_PX: usize = 32_768;
-
 impl FromStr for SizePx {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let parts = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
-        match parts {
-            Some((w, h)) if (1..=SIZE_MAX_PX).contains(&w) && (1..=SIZE_MAX_PX).contains(&h) => Ok(Self(w, h)),
-            Some(_) => Err(format!("width and height must be 1 to {SIZE_MAX_PX}")),
-            None => Err("write WIDTHxHEIGHT, as in 1024x768".to_owned()),
-        }
+        parse_size(text).map(|(width, height)| Self(width, height))
+    }
+}
+
+impl SizePx {
+    /// Refuses this many images if they exceed the free memory.
+    pub(super) fn check_memory(self, frames: usize) -> anyhow::Result<()> {
+        check_memory((self.0, self.1), frames).map_err(anyhow::Error::msg)
     }
 }
 
@@ -290,13 +290,7 @@ impl SceneArgs {
         }
         surfaces::check(&scene.look.surfaces, project.map(|project| &**project), scene.pipeline.series())?;
         // Invalid options fail here, before rendering.
-        if !scene.pipeline.times().is_empty() {
-            for at in project.map(|project| project.timeline.places()).unwrap_or_default() {
-                scene.request_at(0.into(), at)?;
-            }
-            scene.request(0)?;
-            scene.look.camera.view(size.0, size.1)?;
-        }
+        scene.check()?;
         Ok(scene)
     }
 

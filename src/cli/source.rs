@@ -1,14 +1,10 @@
 //! Commands that take a store also take a SOURCE, which is imported to a cache first.
 
 use super::progress::Terminal;
+pub(super) use crate::files::name_of;
 use crate::ingest::{CacheEvent, ImportCache, Origin};
 use crate::store::Store;
 use std::path::Path;
-
-/// Name of a series, of a store or of a project, for titles and records.
-pub(super) fn name_of(path: &Path) -> String {
-    path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
-}
 
 /// Opens a store, or imports a foreign file to the cache ([`ImportCache`]) and opens that.
 pub(super) fn open(path: &Path, terminal: &Terminal) -> anyhow::Result<Store> {

@@ -12,6 +12,8 @@ pub mod still;
 mod stored;
 pub mod surface;
 pub mod vtu;
+mod written;
 mod xml;
 
 pub use stored::StoredSeries;
+pub use written::Written;

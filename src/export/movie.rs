@@ -4,6 +4,7 @@
 //! when the movie is complete. In all other cases the process is ended and the sibling removed.
 
 use super::still::Background;
+use super::written::Written;
 use crate::error::{FileError, FileResult};
 use crate::files;
 use crate::image::RgbaImage;
@@ -309,6 +310,13 @@ impl MovieWriter {
                     return Err(self.failure("no longer reads", ""));
                 }
             }
+        }
+    }
+
+    /// Counts what the encoder has written so far.
+    pub fn count(&self, count: &Written) {
+        if let Some(file) = &self.file {
+            count.set(file.path());
         }
     }
 

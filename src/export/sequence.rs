@@ -2,6 +2,7 @@
 
 use super::numbered::NumberedPath;
 use super::still::{OutputFrame, StillFormat, StillOptions, write_still};
+use super::written::Written;
 use crate::error::{FileError, FileResult};
 use crossbeam::channel::{Sender, bounded};
 use std::path::{Path, PathBuf};
@@ -58,8 +59,8 @@ pub struct FrameWriter {
 }
 
 impl FrameWriter {
-    /// Starts the thread.
-    pub fn new(options: StillOptions) -> Self {
+    /// Starts the thread, which counts what it has written.
+    pub fn new(options: StillOptions, count: Written) -> Self {
         let (queue, frames) = bounded::<(OutputFrame, PathBuf)>(QUEUE);
         let thread = std::thread::spawn(move || {
             let mut written = 0;
@@ -68,6 +69,7 @@ impl FrameWriter {
                     std::fs::create_dir_all(parent).map_err(|e| FileError::io(parent, "make the folder", &e))?;
                 }
                 write_still(&path, &frame, &options)?;
+                count.add(&path);
                 written += 1;
             }
             Ok(written)
@@ -143,10 +145,11 @@ mod tests {
             planes: Planes { color: RgbaImage::new(2, 2), ..Planes::default() },
             ..Default::default()
         };
-        let mut writer = FrameWriter::new(StillOptions::default());
+        let count = Written::default();
+        let mut writer = FrameWriter::new(StillOptions::default(), count.clone());
         writer.send(frame(), dir.path().join("a.png")).unwrap();
         let _ = writer.send(frame(), blocked.join("b.png"));
         assert!(writer.finish().is_err());
-        assert!(dir.path().join("a.png").is_file());
+        assert_eq!(count.bytes(), dir.path().join("a.png").metadata().unwrap().len());
     }
 }

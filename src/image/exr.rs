@@ -37,7 +37,8 @@ pub enum ExrColor {
 }
 
 impl ExrColor {
-    fn name(self) -> &'static str {
+    /// The name on the command line and in files.
+    pub fn name(self) -> &'static str {
         match self {
             Self::Linear => "linear",
             Self::Raw => "raw",

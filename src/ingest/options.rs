@@ -86,6 +86,13 @@ impl fmt::Display for StepRange {
 }
 
 impl StepRange {
+    /// The range without steps beyond the last of `count`; one that begins beyond it stays as it is.
+    #[must_use]
+    pub fn within(self, count: usize) -> Self {
+        let is_too_long = self.first < count && self.last.is_some_and(|last| last >= count);
+        if is_too_long { Self { last: None, ..self } } else { self }
+    }
+
     /// Indices of the selected steps in a series of `count` steps; at least one.
     ///
     /// # Errors
@@ -154,6 +161,15 @@ mod tests {
 
     fn select(text: &str, count: usize) -> Vec<usize> {
         text.parse::<StepRange>().unwrap().select(count).unwrap()
+    }
+
+    #[test]
+    fn a_range_ends_with_the_series_but_does_not_begin_behind_it() {
+        let steps = |text: &str| text.parse::<StepRange>().unwrap().within(5).select(5).ok();
+        assert_eq!(steps("0..99:2"), Some(vec![0, 2, 4]));
+        assert_eq!(steps("3..5"), Some(vec![3, 4]));
+        assert_eq!((steps("1..4:3"), steps("2..")), (Some(vec![1, 4]), Some(vec![2, 3, 4])));
+        assert_eq!([steps("5"), steps("5.."), steps("7..9")], [None, None, None]);
     }
 
     #[test]

@@ -47,6 +47,7 @@ pub use draw::{DrawnBy, FaceDetail, RenderMode, TetDraw};
 pub use frames::SharedFrame;
 pub use layer::{ColorsBeside, KeyedSurfaces, Layer, RequestError, Shown, SurfaceLook, TetLayer};
 pub use pipelined::{Pipelined, PipelinedOptions};
+pub(crate) use priority::give_way;
 pub use queue::{FrameId, Preparations};
 pub use rankings::Sampling;
 pub use request::{FrameRequest, PipelineError};

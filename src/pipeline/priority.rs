@@ -9,7 +9,7 @@ const BACKGROUND_PRIORITY: u8 = 23;
 
 /// Lowers the priority of this thread below those that paint a window. Where the system does not allow it, or there is no window to build,
 /// all keep the same priority.
-pub(super) fn give_way() {
+pub(crate) fn give_way() {
     #[cfg(feature = "gui")]
     if let Ok(priority) = ThreadPriorityValue::try_from(BACKGROUND_PRIORITY) {
         // Best effort: without it everything works, only less smoothly.

@@ -1,5 +1,6 @@
 //! User actions, as plain data.
 
+use super::exporting::ExportAction;
 use crate::camera::Axis;
 use crate::field::FieldSelector;
 use crate::look::EnsembleChoice;
@@ -141,6 +142,8 @@ pub enum Action {
     ForgetPick,
     /// Saves the picture on the screen to a PNG file.
     Screenshot,
+    /// Exports images or a movie.
+    Export(ExportAction),
     /// Shows the help, or hides it.
     Help,
     /// Fills the screen with the window, or no longer.

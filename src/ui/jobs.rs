@@ -78,7 +78,7 @@ impl Jobs {
     pub(super) fn write_project(&self, project: Project, path: PathBuf, may_replace: bool, state: State) {
         self.run(move || {
             let is_free = may_replace || !path.exists();
-            let written = if is_free { project.write(&path) } else { Err(taken(&path).into()) };
+            let written = if is_free { project.write(&path) } else { Err(files::taken(&path).into()) };
             Done::Project(written.map(|()| path), Box::new(state))
         });
     }
@@ -92,7 +92,7 @@ impl Jobs {
     pub(super) fn write_text(&self, text: String, path: PathBuf, may_replace: bool) {
         self.run(move || {
             let is_free = may_replace || !path.exists();
-            let written = if is_free { files::replace_with(&path, text.as_bytes()) } else { Err(taken(&path)) };
+            let written = if is_free { files::replace_with(&path, text.as_bytes()) } else { Err(files::taken(&path)) };
             Done::Written(written.map(|()| path))
         });
     }
@@ -120,11 +120,6 @@ impl Jobs {
             let _ = failed.send(Done::Failed(format!("the system gives no thread: {error}")));
         }
     }
-}
-
-/// The error of a file that is there already.
-fn taken(path: &Path) -> FileError {
-    FileError::invalid(path, "", "there is a file of that name").remedy("choose another name, or replace it")
 }
 
 /// An image to be written.

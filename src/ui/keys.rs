@@ -1,6 +1,7 @@
 //! The table of keys: actions and help texts.
 
 use super::Action;
+use super::exporting::ExportAction;
 use crate::camera::Axis;
 use crate::look::EnsembleChoice;
 use crate::playback::Command;
@@ -68,6 +69,7 @@ pub fn bindings() -> Vec<Binding> {
         ctrl("Z", false, Action::Undo, "undo a change of what is shown"),
         ctrl("Z", true, Action::Redo, "do it again"),
         ctrl("S", false, Action::SaveProject { to: None, may_replace: false }, "save the project"),
+        ctrl("E", false, Action::Export(ExportAction::Dialog), "export images or a movie"),
         plain("S", Action::Screenshot, "save the picture as a PNG file here"),
         plain("F11", Action::Fullscreen, "the whole screen, or the window again"),
         plain("Escape", Action::Close, "close the help, a message, the followed point"),

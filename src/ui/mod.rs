@@ -8,7 +8,7 @@
 //!
 //! ```text
 //! keys, mouse, widgets -> Action -> Session -> Player -> frames -> Screen -> painted
-//!                                   Session -> Prober, Survey, Thumbnails, Jobs -> what they find, with the next tick
+//!                                   Session -> Prober, Survey, Thumbnails, Exports, Jobs -> what they find, with the next tick
 //! ```
 //!
 //! - **The thread of the window** does not decode, render, convert or read; it waits a millisecond at most, for a project's table. Slow
@@ -16,8 +16,8 @@
 //!   contributes most to the pixel's opacity; and a point's value at every step); `survey` (means and histograms, coarse to fine, paused
 //!   while the user acts or frames come late); `histograms` (of four kinds, of the series or of a step; `bars` makes pixels of them);
 //!   `thumbnails`; `opening` (a store, or a source that is imported to the cache first);
-//!   `following` (a store that grows); `settings`; fields and images in `jobs`. Each ends with its owner; those that read data catch their
-//!   panics and report them in a message.
+//!   `following` (a store that grows); `settings`; `exporting` (images and movies, and the preview of its dialog); fields and images in
+//!   `jobs`. Each ends with its owner; those that read data catch their panics and report them in a message.
 //! - **One state.** What the window shows is a project (`document.rs`), be it one of a look without a file; a transfer function is an ensemble of one
 //!   member. States before a change are kept whole, for undo.
 //! - **A project** is an `Animation` on a thread of its own (`ui/project_worker.rs`, the one place where tables of a project are made for
@@ -52,6 +52,7 @@ mod document;
 mod drag_tests;
 #[cfg(test)]
 mod editor_tests;
+pub mod exporting;
 pub mod following;
 pub mod histograms;
 mod history;
@@ -73,7 +74,7 @@ mod project_worker;
 mod requests;
 mod session;
 #[cfg(test)]
-mod session_tests;
+pub(crate) mod session_tests;
 pub mod settings;
 pub mod shapes;
 mod still;
@@ -90,4 +91,4 @@ pub use keeper::SettingsKeeper;
 pub use motion::MotionError;
 pub use notice::{Notice, NoticeKind};
 pub use pace::shortfall;
-pub use session::{DEFAULT_TARGET_FPS, IMAGE_SCALES, Session, SessionOptions, Shown, TARGET_FPS};
+pub use session::{DEFAULT_TARGET_FPS, ExportCommand, IMAGE_SCALES, Session, SessionOptions, Shown, TARGET_FPS};

@@ -1,11 +1,13 @@
 //! The state of a player window, without the window.
 
 mod act;
+mod export;
 mod insight;
 mod quality;
 mod tick;
 
 use super::document::Document;
+use super::exporting::Exports;
 use super::history::History;
 use super::insight::Insight;
 use super::jobs::Jobs;
@@ -23,6 +25,7 @@ use crate::project::{Data, Edit, Project};
 use crate::store::Store;
 use crate::timeline::At;
 use crate::transfer::{Function, MappedRange, Member, RangeMap, RangePolicy, TransferFunction};
+pub use export::ExportCommand;
 pub use quality::{DEFAULT_TARGET_FPS, TARGET_FPS};
 use std::cell::OnceCell;
 use std::io;
@@ -133,6 +136,7 @@ pub struct Session {
     help_is_open: bool,
     is_fullscreen: bool,
     jobs: Jobs,
+    exports: Exports,
     opens_field: bool,
     is_saving: bool,
     wants_screenshot: bool,
@@ -194,6 +198,7 @@ impl Session {
             notices: Vec::new(),
             help_is_open: false,
             is_fullscreen: false,
+            exports: Exports::new(wake.clone()),
             jobs: Jobs::new(wake),
             opens_field: false,
             is_saving: false,

@@ -21,7 +21,7 @@ use std::time::{Duration, Instant};
 
 pub(super) const LONG: Duration = Duration::from_secs(60);
 
-pub(super) fn store() -> &'static Arc<Store> {
+pub(crate) fn store() -> &'static Arc<Store> {
     static STORE: OnceLock<(tempfile::TempDir, Arc<Store>)> = OnceLock::new();
     let (_, store) = STORE.get_or_init(|| {
         let dir = tempfile::tempdir().unwrap();
@@ -34,9 +34,9 @@ pub(super) fn store() -> &'static Arc<Store> {
 }
 
 /// A session and its clock.
-pub(super) struct Desk {
-    pub(super) session: Session,
-    pub(super) now: Duration,
+pub(crate) struct Desk {
+    pub(crate) session: Session,
+    pub(crate) now: Duration,
 }
 
 impl Desk {
@@ -45,10 +45,7 @@ impl Desk {
     }
 
     pub(super) fn with(series: Arc<Series>, folder: &Path, project: Option<Arc<Project>>) -> Self {
-        let options = PipelinedOptions { threads: Some(1), frame_cache_bytes: 0, ..Default::default() };
-        let clock = Clock::new(series.times().clone());
         let camera = Camera::default_for(series.mesh().positions.world_bounds()).unwrap();
-        let pipelined = Pipelined::start(Pipeline::new(series), &options, || ()).unwrap();
         let look = Look {
             surfaces: Default::default(),
             camera,
@@ -63,6 +60,13 @@ impl Desk {
             skip: Default::default(),
             followed: Default::default(),
         };
+        Self::with_look(series, folder, look, project)
+    }
+
+    pub(crate) fn with_look(series: Arc<Series>, folder: &Path, look: Look, project: Option<Arc<Project>>) -> Self {
+        let options = PipelinedOptions { threads: Some(1), frame_cache_bytes: 0, ..Default::default() };
+        let clock = Clock::new(series.times().clone());
+        let pipelined = Pipelined::start(Pipeline::new(series), &options, || ()).unwrap();
         let options = SessionOptions {
             store: store().clone(),
             source: store().path().to_owned(),
@@ -90,12 +94,12 @@ impl Desk {
         (Self::of(series, Path::new(".")), log)
     }
 
-    pub(super) fn act(&mut self, action: Action) {
+    pub(crate) fn act(&mut self, action: Action) {
         self.session.act(action, self.now);
     }
 
     /// Ticks until no more frames come without time passing; returns how many new frames were shown.
-    pub(super) fn settle(&mut self) -> usize {
+    pub(crate) fn settle(&mut self) -> usize {
         let (mut shown, begun) = (0, Instant::now());
         loop {
             assert!(begun.elapsed() < 3 * LONG, "it does not come to rest");

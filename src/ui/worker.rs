@@ -26,6 +26,17 @@ impl SeriesPipeline {
         let new = || (series.clone(), Pipeline::new(series.apart(BLOCK_BYTES)));
         &mut self.0.insert(last.unwrap_or_else(new)).1
     }
+
+    /// As [`Self::of`], to be put back.
+    pub(super) fn take(&mut self, series: &Arc<Series>) -> Pipeline {
+        self.of(series);
+        self.0.take().map_or_else(|| Pipeline::new(series.apart(BLOCK_BYTES)), |(_, pipeline)| pipeline)
+    }
+
+    /// Puts back the pipeline of a series.
+    pub(super) fn put(&mut self, series: &Arc<Series>, pipeline: Pipeline) {
+        self.0 = Some((series.clone(), pipeline));
+    }
 }
 
 /// One thread, which ends with its owner. It is the only one of a rayon pool: parallel code runs on it alone, and never waits behind a

@@ -2,7 +2,7 @@
 
 use super::super::progress::Terminal;
 use super::super::scene::gpu_report;
-use super::super::{memory, source};
+use super::super::source;
 use super::{Args, Suite};
 use crate::bench::accuracy::{
     AccuracyBench, CODEC_PATHS, Judged, TRANSFER_FUNCTIONS, judge, judge_runs, on_backends, paths, run_accuracy, scenes,
@@ -93,7 +93,7 @@ pub(super) fn plot(folder: Option<&PathBuf>, runs: &[BenchRun], terminal: &Termi
 
 fn open(path: &Path, args: &Args, terminal: &Terminal) -> anyhow::Result<Opened> {
     let store = source::open(path, terminal)?;
-    memory::check(args.image.size, 1)?;
+    args.image.size.check_memory(1)?;
     let mut scene = args.scene.open(&store, args.image.size, None, &terminal.cancel)?;
     let backends = match args.scene.backend {
         // A GPU in software counts: it shows how accurate GPUs are, if not how fast.

@@ -1,5 +1,7 @@
 //! `tetreel render`: frames of a series to image files or to a movie.
 
+#[cfg(test)]
+mod export_tests;
 mod time;
 mod upsample;
 
@@ -7,13 +9,13 @@ use super::progress::Terminal;
 use super::project::{self, Opened};
 use super::scene::{SceneArgs, SizeArgs, gpu_report};
 use super::trace::Trace;
-use super::{Outcome, memory, source, steps};
-use crate::export::annotate::{AboutSeries, Annotations, Annotator};
-use crate::export::movie::{Ffmpeg, MovieOptions};
-use crate::export::run::{FrameRecord, Origin, Output, Run, Target};
-use crate::export::still::{Background, FrameAttributes, StillFormat, StillOptions};
+use super::{Outcome, source, steps};
+use crate::export::annotate::Annotations;
+use crate::export::movie::Ffmpeg;
+use crate::export::run::{FrameRecord, Naming, RunOptions, Target};
+use crate::export::still::Background;
 use crate::files;
-use crate::image::{ExrColor, ExrCompression, ExrEncoding};
+use crate::image::{ExrColor, ExrCompression};
 use crate::import::{self, Format};
 use crate::pipeline::{DrawnBy, RenderMode, SampleSet, TetDraw, Upsampling};
 use crate::project::{Project, is_project};
@@ -21,11 +23,10 @@ use crate::scene::Scene;
 use crate::short::Short;
 use crate::store::is_store;
 use crate::transfer::RangePolicy;
-use anyhow::{Context, anyhow, bail};
+use anyhow::{Context, bail};
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use std::sync::Arc;
 use time::TimeArgs;
 use upsample::UpsampleArgs;
@@ -63,7 +64,7 @@ pub(super) struct Args {
     /// Colour behind the volume, #rrggbb, black, white or gray (default: transparent; in movies black)
     #[arg(long, value_name = "COLOR", default_value = "none")]
     background: Background,
-    /// Drawn over the frames: time, legend, title or title=TEXT, separated by commas
+    /// Drawn over the frames: time, legend, title or title=TEXT, separated by commas, or none
     #[arg(long, value_name = "PARTS")]
     annotate: Option<Annotations>,
     /// Bits per channel: 8 or 16 of PNG files (default: 8), 16 or 32 of colours in EXR files (default: 32)
@@ -95,36 +96,20 @@ impl Args {
         self.output.as_ref().context("where to? Give -o frame_%04d.png, or -o movie.mp4")
     }
 
-    /// Options of written images.
-    fn still_options(&self) -> anyhow::Result<StillOptions> {
-        let file = self.target()?.path(0);
-        let is = |format| StillFormat::of(&file) == Some(format);
-        let of_exr = [("--exr", self.exr.is_some()), ("--exr-compression", self.exr_compression.is_some())];
-        if let Some((option, _)) = of_exr.iter().find(|(_, is_given)| *is_given && !is(StillFormat::Exr)) {
-            bail!("{option} is for EXR files; {} is none", file.display());
-        }
-        if self.bit_depth.is_some() && !is(StillFormat::Png) && !is(StillFormat::Exr) {
-            bail!("--bit-depth is for PNG and EXR files; {} is none", file.display());
-        }
-        if self.background != Background::Transparent && is(StillFormat::Exr) {
-            bail!("--background is for PNG files and movies; {} has opacity", file.display());
-        }
-        Ok(StillOptions {
+    /// Options of the run.
+    fn run_options(&self) -> anyhow::Result<RunOptions> {
+        Ok(RunOptions {
+            target: self.target()?.clone(),
+            times: self.time.times(),
+            size_px: (self.image.size.0, self.image.size.1),
             background: self.background,
-            png_depth: self.bits(is(StillFormat::Png))?,
-            exr: ExrEncoding {
-                color: self.exr.unwrap_or_default(),
-                depth: self.bits(is(StillFormat::Exr))?,
-                compression: self.exr_compression.unwrap_or_default(),
-            },
+            annotations: self.annotate.clone(),
+            bit_depth: self.bit_depth.clone(),
+            exr: self.exr,
+            exr_compression: self.exr_compression,
+            resume: self.resume,
+            replaces: true,
         })
-    }
-
-    /// The requested bits per channel, if the files have that format.
-    fn bits<D: Default + FromStr<Err = String>>(&self, is_its_format: bool) -> anyhow::Result<D> {
-        let asked = self.bit_depth.as_deref().filter(|_| is_its_format);
-        let parse = |bits: &str| bits.parse().map_err(|e| anyhow!("--bit-depth {bits}: {e}"));
-        asked.map_or(Ok(D::default()), parse)
     }
 
     /// The smaller image that is rendered and enlarged to each frame, if any.
@@ -194,21 +179,12 @@ impl Args {
 
     /// Refuses impossible options, before the store is opened or anything is imported. Returns the ffmpeg of a movie.
     fn check(&self, project: Option<&Project>) -> anyhow::Result<Option<Ffmpeg>> {
-        let output = self.target()?;
-        let format = match output {
-            Target::Movie(_, format) => Some(*format),
-            Target::Images(_) => None,
-        };
-        self.time.check(format.is_some())?;
+        let options = self.run_options()?;
         self.scene.check_adapter()?;
         self.check_rays(project)?;
         self.upsampling(project)?;
-        self.still_options()?;
-        if self.resume && format.is_some() {
-            bail!("a movie cannot be continued: --resume is for images, such as frame_%04d.png");
-        }
-        memory::check(self.image.size, 1)?;
-        output.check_place()?;
+        options.check()?;
+        options.check_place()?;
         for (option, path) in self.side_files() {
             files::check_place(path)?;
             if self.inputs().iter().any(|input| is_within(path, input)) {
@@ -223,7 +199,7 @@ impl Args {
         {
             bail!("--stats and --trace name the same file; choose another name for one of them");
         }
-        Ok(format.map(Ffmpeg::find).transpose()?)
+        Ok(options.ffmpeg()?)
     }
 }
 
@@ -260,25 +236,17 @@ pub(super) fn run(args: &Args, words: &[OsString], terminal: &Terminal) -> anyho
 fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> anyhow::Result<Outcome> {
     let ffmpeg = args.check(project.map(|project| &**project))?;
     let output = args.target()?;
+    let mut options = args.run_options()?;
     let trace = args.trace.as_deref().map(Trace::begin).transpose()?;
     let store = source::open(&args.store, terminal)?;
-    let mut times = args.time.times();
-    times.steps = steps::within_series(times.steps, store.times().len(), terminal);
-    let plan = times.plan(store.times())?;
-    if let Target::Images(pattern) = output {
-        if plan.frames.len() > 1 && !pattern.is_numbered() {
-            bail!("{} frames need a number in the file name, such as frame_%04d.png, or a movie", plan.frames.len());
-        }
-        if let Some(folder) = (0..plan.frames.len()).map(|frame| pattern.path(frame)).find(|path| path.is_dir()) {
-            bail!("{} is a folder; choose another name", folder.display());
-        }
-    }
+    options.times.steps = steps::within_series(options.times.steps, store.times().len(), terminal);
+    let plan = options.plan(store.times())?;
     for (option, path) in args.side_files() {
         if (0..plan.frames.len()).any(|frame| same_place(path, &output.path(frame))) {
             bail!("{option} {} is the place of a frame; choose another name", path.display());
         }
     }
-    memory::check(args.image.size, plan.frames.len())?;
+    options.check_memory(plan.frames.len())?;
     let in_file = |error| project::in_file(error, args.project.as_deref());
     let mut scene = args.scene.open(&store, args.image.size, project, &terminal.cancel).map_err(in_file)?;
     (scene.samples, scene.upsampling) = (args.rays.clone(), args.upsampling(project.map(|project| &**project))?);
@@ -286,25 +254,18 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
     if project.is_none() {
         say_look(args, &scene, terminal)?;
     }
-    let annotator = annotator(args, output, &scene);
-    let output = match (output, ffmpeg) {
-        (Target::Movie(path, _), Some(ffmpeg)) => {
-            if args.background == Background::Transparent {
-                terminal.say("the movie is over black; --background COLOR gives it another colour");
-            }
-            Output::Movie { path: path.clone(), ffmpeg, options: movie_options(args, &scene) }
-        }
-        (Target::Movie(path, _), None) => bail!("{}: no ffmpeg was looked for; please report this", path.display()),
-        (Target::Images(pattern), _) => Output::Images { pattern: pattern.clone(), options: args.still_options()? },
-    };
-    let run = Run { plan, output, annotator, resume: args.resume };
+    if ffmpeg.is_some() && args.background == Background::Transparent {
+        terminal.say("the movie is over black; --background COLOR gives it another colour");
+    }
+    let (dataset, made_by) = (source::name_of(&args.store), made_by(args, &scene));
+    let run = options.run(plan, ffmpeg, &scene, &Naming { dataset: &dataset, made_by: &made_by })?;
     let records = run.render(&mut scene, terminal).map_err(|error| in_file(error.into()))?;
     report_backend(&scene, &records, terminal);
     if let Some(path) = &args.stats {
         files::replace_with(path, serde_json::to_string_pretty(&records)?.as_bytes())?;
     }
     trace.map(Trace::end).transpose()?;
-    terminal.say(&summary(&run.output, &records));
+    terminal.say(&run.output.summary(&records));
     Ok(Outcome::Done)
 }
 
@@ -323,41 +284,12 @@ fn say_look(args: &Args, scene: &Scene, terminal: &Terminal) -> anyhow::Result<(
     Ok(())
 }
 
-/// The annotations of frames.
-fn annotator(args: &Args, output: &Target, scene: &Scene) -> Option<Annotator> {
-    let field = scene.pipeline.field();
-    let about = AboutSeries {
-        dataset: &source::name_of(&args.store),
-        field: &field.name,
-        units: field.units.as_deref(),
-        times: &scene.pipeline.times().values,
-        time_units: None,
-    };
-    let background = match output {
-        Target::Movie(..) => Some(args.background.color().unwrap_or_default()),
-        Target::Images(_) => args.background.color(),
-    };
-    Some(Annotator::new(args.annotate.as_ref()?, &about, background))
-}
-
-/// Metadata of the movie.
-fn movie_options(args: &Args, scene: &Scene) -> MovieOptions {
-    let project = args.project.as_deref();
-    let name = source::name_of(&args.store);
-    let field = scene.pipeline.field();
-    let units = field.units.as_ref().map(|units| format!(" [{units}]")).unwrap_or_default();
+/// How the frames are made, for the metadata of a movie.
+fn made_by(args: &Args, scene: &Scene) -> String {
     let (tf, range) = (scene.transfer_function(), scene.look.range);
-    let size = args.image.size;
-    let comment = match project {
-        Some(project) => format!("{}; {}: {tf}", FrameAttributes::SOFTWARE, source::name_of(project)),
-        None => format!("{}; --tf {tf} --range {range} --camera {}", FrameAttributes::SOFTWARE, scene.look.camera),
-    };
-    MovieOptions {
-        size_px: (size.0, size.1),
-        rate: args.time.times().rate(),
-        background: args.background,
-        title: format!("{name}: {}{units}", field.name),
-        comment,
+    match args.project.as_deref() {
+        Some(project) => format!("{}: {tf}", source::name_of(project)),
+        None => format!("--tf {tf} --range {range} --camera {}", scene.look.camera),
     }
 }
 
@@ -388,29 +320,4 @@ fn report_backend(scene: &Scene, records: &[FrameRecord], terminal: &Terminal) {
     if restarts > 0 {
         terminal.say(&format!("the GPU was lost {restarts} times; those frames were begun again"));
     }
-}
-
-/// The closing line of a run.
-fn summary(output: &Output, records: &[FrameRecord]) -> String {
-    let kept = records.iter().filter(|record| record.origin == Origin::Kept).count();
-    let count = records.len();
-    let first = output.path(0).display().to_string();
-    let all = format!("{first} to {}", output.path(count.saturating_sub(1)).display());
-    let empty = match records.iter().filter(|record| record.empty == Some(true)).count() {
-        0 => String::new(),
-        1 if count == 1 => "; it shows nothing".to_owned(),
-        1 => "; 1 of them shows nothing".to_owned(),
-        empty => format!("; {empty} of them show nothing"),
-    };
-    let written = match (output, count - kept) {
-        (Output::Movie { .. }, written) => format!("wrote {first}, {written} frames"),
-        (Output::Images { .. }, 0) if count == 1 => format!("{first} was there already"),
-        (Output::Images { .. }, 1) if count == 1 => format!("wrote {first}"),
-        (Output::Images { .. }, 0) => format!("all {count} frames were there already, {all}"),
-        (Output::Images { .. }, written) if kept == 0 => format!("wrote {written} frames, {all}"),
-        (Output::Images { .. }, written) => {
-            format!("wrote {written} of {count} frames, {all}; {kept} were there already")
-        }
-    };
-    written + &empty
 }

@@ -1,9 +1,8 @@
 //! Options for the times that a run shows, and for the turning camera.
 
 use crate::export::movie::FrameRate;
-use crate::export::run::Times;
+use crate::export::run::{Times, parse_angle, parse_duration, parse_times};
 use crate::ingest::StepRange;
-use anyhow::{bail, ensure};
 
 /// Options for the times shown.
 #[derive(Debug, Default, clap::Args)]
@@ -41,51 +40,5 @@ impl TimeArgs {
             interpolate: self.interpolate,
             turntable_deg: self.turntable,
         }
-    }
-
-    /// Refuses inconsistent options, whatever the series.
-    pub(super) fn check(&self, is_movie: bool) -> anyhow::Result<()> {
-        if self.fps.is_some() && !is_movie && self.duration.is_none() {
-            bail!(
-                "--fps has no effect on images that show one step each; add --duration, or write a movie: -o movie.mp4"
-            );
-        }
-        ensure!(!self.interpolate || self.duration.is_some(), "--interpolate has no effect without --duration; add it");
-        self.times().frame_count()?;
-        Ok(())
-    }
-}
-
-fn parse_times(text: &str) -> Result<(f64, f64), String> {
-    let number = |part: &str, open: f64| if part.trim().is_empty() { Some(open) } else { part.trim().parse().ok() };
-    let ends = text
-        .split_once("..")
-        .and_then(|(a, b)| Some((number(a, f64::NEG_INFINITY)?, number(b, f64::INFINITY)?)))
-        .filter(|(a, b)| a <= b);
-    ends.ok_or_else(|| "write T0..T1 with T0 <= T1, as in 0.5..2".to_owned())
-}
-
-fn parse_duration(text: &str) -> Result<f64, String> {
-    let seconds = text.parse().ok().filter(|s: &f64| *s > 0.0 && s.is_finite());
-    seconds.ok_or_else(|| "a duration is a positive number of seconds".to_owned())
-}
-
-fn parse_angle(text: &str) -> Result<f64, String> {
-    let degrees = text.parse().ok().filter(|d: &f64| d.is_finite());
-    degrees.ok_or_else(|| "an angle is a number of degrees, negative to turn the other way".to_owned())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_rate_of_images_of_one_step_each_has_no_meaning() {
-        let fps_alone = TimeArgs { fps: Some("30".parse().unwrap()), ..Default::default() };
-        assert!(fps_alone.check(false).is_err() && fps_alone.check(true).is_ok());
-        let interpolated = TimeArgs { interpolate: true, ..Default::default() };
-        assert!(interpolated.check(true).is_err());
-        let too_short = TimeArgs { duration: Some(0.01), ..Default::default() };
-        assert!(too_short.check(true).unwrap_err().to_string().contains("--duration"));
     }
 }

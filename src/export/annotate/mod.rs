@@ -19,12 +19,13 @@ use crate::image::RgbaImage;
 use crate::transfer::{ColorMap, MappedRange};
 use canvas::Ink;
 use legend::Legend;
+use std::fmt;
 use std::str::FromStr;
 use time::{PREFIX, TimeFormat};
 
 /// Selection of annotations.
 ///
-/// As text: `time`, `legend`, `title` or `title=TEXT`, separated by commas. A text may contain commas,
+/// As text: `time`, `legend`, `title` or `title=TEXT`, separated by commas, or `none`. A text may contain commas,
 /// unless one of these words follows.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Annotations {
@@ -45,11 +46,30 @@ pub enum Title {
     Text(String),
 }
 
+/// No annotations.
+const NONE: &str = "none";
+
+impl fmt::Display for Annotations {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let title = self.title.as_ref().map(|title| match title {
+            Title::FieldAndDataset => "title".to_owned(),
+            Title::Text(text) => format!("title={text}"),
+        });
+        // The title comes last, as its text may contain commas.
+        let parts = [self.time.then(|| "time".to_owned()), self.legend.then(|| "legend".to_owned()), title];
+        let parts: Vec<String> = parts.into_iter().flatten().collect();
+        if parts.is_empty() { f.write_str(NONE) } else { f.write_str(&parts.join(",")) }
+    }
+}
+
 impl FromStr for Annotations {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
         let mut parsed = Self::default();
+        if text == NONE {
+            return Ok(parsed);
+        }
         for part in text.split(',') {
             let is_repeated = match part.trim() {
                 "time" => std::mem::replace(&mut parsed.time, true),
@@ -63,7 +83,9 @@ impl FromStr for Annotations {
                         false
                     }
                     _ => {
-                        return Err(format!("'{word}' is no annotation; known are time, legend, title and title=TEXT"));
+                        return Err(format!(
+                            "'{word}' is no annotation; known are time, legend, title, title=TEXT and none"
+                        ));
                     }
                 },
             };

@@ -4,9 +4,11 @@ use super::plan::{Plan, PlannedFrame};
 use super::resume::{self, Fingerprints, Found};
 use super::sink::Sink;
 use super::{FrameRecord, Origin, Run, RunError, attributes_of};
-use crate::export::annotate::ColorScale;
+use crate::export::annotate::{Annotator, ColorScale};
 use crate::export::still::{FrameAttributes, OutputFrame};
-use crate::pipeline::{FrameRequest, Pipeline, Pipelined, PipelinedOptions, SharedFrame};
+use crate::files;
+use crate::image::RgbaImage;
+use crate::pipeline::{FrameRequest, Pipeline, Pipelined, SharedFrame};
 use crate::scene::Scene;
 use crate::stats::FrameStats;
 use crate::task::{Cancel, Progress};
@@ -52,9 +54,7 @@ impl Job<'_> {
     ) -> Result<Vec<FrameRecord>, RunError> {
         let series = scene.pipeline.series().clone();
         let pipeline = std::mem::replace(&mut scene.pipeline, Pipeline::new(series));
-        // A run requests no frame twice, except the repeated ones below.
-        let options = PipelinedOptions { frame_cache_bytes: 0, ..Default::default() };
-        let pipelined = Pipelined::start(pipeline, &options, || ())?;
+        let pipelined = Pipelined::start(pipeline, &self.run.threads, || ())?;
         let rendered = self.render_on(&pipelined, scene, sink, progress);
         scene.pipeline = pipelined.stop();
         rendered
@@ -109,9 +109,7 @@ impl Job<'_> {
             let record = pending.record(&self.run.plan, empty, stats);
             if let (Some(frame), true) = (&held, pending.origin != Origin::Kept) {
                 let mut output = OutputFrame { planes: frame.planes.clone(), attributes: pending.attributes };
-                if let (Some(annotator), Some((map, range))) = (&self.run.annotator, pending.scale) {
-                    annotator.draw(&mut output.planes.color, record.time, &ColorScale { map: &map, range });
-                }
+                annotate(&mut output.planes.color, self.run.annotator.as_ref(), record.time, pending.scale);
                 sink.send(output, &pending.file, scene.cancel())?;
             }
             records.push(record);
@@ -140,6 +138,10 @@ impl Job<'_> {
             Some(fingerprint) if self.run.resume => resume::find(&file, fingerprint),
             _ => Found::Other,
         };
+        // A movie has been looked at before.
+        if !self.run.replaces && self.fingerprints.is_some() && found != Found::Frame && file.exists() {
+            return Err(files::taken(&file).into());
+        }
         attributes.extras.extend(fingerprint.map(|f| (FrameAttributes::FINGERPRINT.to_owned(), f)));
         let is_same = |other: &FrameRequest| other.time == request.time && other.same_view(&request);
         let origin = match last {
@@ -206,6 +208,29 @@ fn wait_for(pipelined: &Pipelined, cancel: &Cancel) -> Result<SharedFrame, RunEr
 /// Fails if the run was cancelled.
 fn check(cancel: &Cancel) -> Result<(), RunError> {
     if cancel.is_cancelled() { Err(RunError::Cancelled) } else { Ok(()) }
+}
+
+/// Draws annotations over a frame of this time.
+fn annotate(image: &mut RgbaImage, annotator: Option<&Annotator>, time: f64, scale: Option<(ColorMap, MappedRange)>) {
+    if let (Some(annotator), Some((map, range))) = (annotator, scale) {
+        annotator.draw(image, time, &ColorScale { map: &map, range });
+    }
+}
+
+/// The colours of a planned frame with its annotations, as a run writes them.
+///
+/// # Errors
+/// If the frame cannot be rendered.
+pub fn picture(
+    scene: &mut Scene,
+    planned: &PlannedFrame,
+    annotator: Option<&Annotator>,
+) -> Result<RgbaImage, RunError> {
+    let request = request_for(scene, planned)?;
+    let cancel = scene.cancel().clone();
+    let mut image = scene.pipeline.render_unless(&request, &cancel)?.planes.color.clone();
+    annotate(&mut image, annotator, request.time.time(scene.pipeline.times()), scene.color_scale());
+    Ok(image)
 }
 
 /// The request of a frame, with its time and turntable angle.

@@ -1,22 +1,31 @@
 //! [`Run`]: exports frames of a scene to image files or to a movie, for the command line, a dialog or a server.
 
 mod frames;
+mod memory;
+mod options;
 mod plan;
 mod resume;
 mod sink;
+mod summary;
 mod target;
 
-pub use plan::{Plan, PlanError, PlannedFrame, Times};
-pub use target::Target;
+pub use frames::picture;
+pub use memory::check_memory;
+pub use options::{Naming, OptionsError, RunOptions, SIZE_MAX_PX, parse_size};
+pub use plan::{Plan, PlanError, PlannedFrame, Times, parse_angle, parse_duration, parse_times};
+pub use target::{Target, pattern_in};
 
+use super::Written;
 use super::annotate::Annotator;
 use super::movie::{Ffmpeg, MovieError, MovieOptions, MovieWriter};
 use super::sequence::{FramePattern, FrameWriter};
 use super::still::{FrameAttributes, StillFormat, StillOptions};
 use crate::camera::CameraError;
-use crate::error::FileError;
+use crate::error::{FileError, FileResult};
 use crate::files;
-use crate::pipeline::{FrameRequest, Pipeline, PipelineError, RequestError, UpsampleFilter, Upsampling};
+use crate::pipeline::{
+    FrameRequest, Pipeline, PipelineError, PipelinedOptions, RequestError, UpsampleFilter, Upsampling,
+};
 use crate::render::RenderError;
 use crate::scene::{Scene, SceneError};
 use crate::short::Short;
@@ -41,6 +50,12 @@ pub struct Run {
     pub annotator: Option<Annotator>,
     /// Whether existing images of the same request are kept.
     pub resume: bool,
+    /// Whether other files at the places of the output are replaced.
+    pub replaces: bool,
+    /// Threads that render.
+    pub threads: PipelinedOptions,
+    /// Counts the bytes of the files.
+    pub written: Written,
 }
 
 /// Format of the files.
@@ -177,11 +192,19 @@ impl RunError {
 }
 
 impl Run {
+    /// A run that draws no annotations and replaces what is there.
+    pub fn new(plan: Plan, output: Output) -> Self {
+        // A run requests no frame twice, except one after the other.
+        let threads = PipelinedOptions { frame_cache_bytes: 0, ..Default::default() };
+        Self { plan, output, annotator: None, resume: false, replaces: true, threads, written: Written::default() }
+    }
+
     /// Renders all frames; files that were begun are finished or removed in any case. The scene's own `cancel` ends the run.
     ///
     /// # Errors
-    /// If a step is damaged, which is found before the first frame is written; else the error of the first frame that fails.
+    /// If a file is in the way or a step is damaged, which is found before the first frame is written; else the error of the first frame that fails.
     pub fn render(&self, scene: &mut Scene, progress: &dyn Progress) -> Result<Vec<FrameRecord>, RunError> {
+        self.check_places()?;
         let fields = 1 + scene.look.surfaces.beside.len();
         progress.begin("check", (fields * self.plan.steps.len()) as u64, "steps");
         let checked = self.check_steps(scene, progress);
@@ -189,7 +212,7 @@ impl Run {
         let checksums = checked?;
         let (sink, fingerprints) = match &self.output {
             Output::Movie { path, ffmpeg, options } => {
-                (Sink::Movie(Box::new(MovieWriter::start(ffmpeg, path, options)?)), None)
+                (Sink::Movie(Box::new(MovieWriter::start(ffmpeg, path, options)?), self.written.clone()), None)
             }
             Output::Images { pattern, options } => {
                 // An EXR can store all planes.
@@ -197,10 +220,24 @@ impl Run {
                 // The file stores units, drawn or not.
                 let written_as = format!("{options:?} {:?} {:?}", self.annotator, scene.pipeline.field().units);
                 let fingerprints = Fingerprints::new(scene.pipeline.mesh(), &self.plan, &checksums, &written_as);
-                (Sink::Images(FrameWriter::new(*options)), Some(fingerprints))
+                (Sink::Images(FrameWriter::new(*options, self.written.clone())), Some(fingerprints))
             }
         };
         Job { run: self, fingerprints }.run(scene, sink, progress)
+    }
+
+    /// Checks that no folder is in the way of an image, nor a file that may not be replaced. Images that may be kept are looked at later.
+    fn check_places(&self) -> FileResult<()> {
+        let count = if matches!(self.output, Output::Movie { .. }) { 1 } else { self.plan.frames.len() };
+        for path in (0..count).map(|frame| self.output.path(frame)) {
+            if path.is_dir() {
+                return Err(FileError::invalid(path, "", "is a folder").remedy("choose another name"));
+            }
+            if !self.replaces && !self.resume && path.exists() {
+                return Err(files::taken(&path));
+            }
+        }
+        Ok(())
     }
 
     /// Checks that all steps can be read, since half a sequence would look like a whole one; returns the checksum of each.

@@ -129,6 +129,22 @@ impl Times {
         Ok(Some(frames as usize))
     }
 
+    /// Refuses settings that have no effect, whatever the series.
+    ///
+    /// # Errors
+    /// If there are any.
+    pub fn check(&self, is_movie: bool) -> Result<(), String> {
+        if self.rate.is_some() && !is_movie && self.duration_s.is_none() {
+            let problem =
+                "--fps has no effect on images that show one step each; add --duration, or write a movie: -o movie.mp4";
+            return Err(problem.to_owned());
+        }
+        if self.interpolate && self.duration_s.is_none() {
+            return Err("--interpolate has no effect without --duration; add it".to_owned());
+        }
+        Ok(())
+    }
+
     /// Plans the frames of a series with these times.
     ///
     /// # Errors
@@ -139,7 +155,7 @@ impl Times {
             None => Plan::of_steps(&self.steps_within(&selected, times)?, times),
             Some(count) => self.spread(&selected, times, count)?,
         };
-        if let Some(degrees) = self.turntable_deg {
+        if let Some(degrees) = self.turntable_deg.filter(|degrees| *degrees != 0.0) {
             let count = plan.frames.len();
             if count < 2 {
                 return Err(PlanError::OneFrame);
@@ -184,6 +200,37 @@ impl Times {
         steps.dedup();
         Ok(Plan { frames, steps })
     }
+}
+
+/// Parses a time range `T0..T1` with T0 <= T1; an end left out is open.
+///
+/// # Errors
+/// If the text is none.
+pub fn parse_times(text: &str) -> Result<(f64, f64), String> {
+    let number = |part: &str, open: f64| if part.trim().is_empty() { Some(open) } else { part.trim().parse().ok() };
+    let ends = text
+        .split_once("..")
+        .and_then(|(a, b)| Some((number(a, f64::NEG_INFINITY)?, number(b, f64::INFINITY)?)))
+        .filter(|(a, b)| a <= b);
+    ends.ok_or_else(|| "write T0..T1 with T0 <= T1, as in 0.5..2".to_owned())
+}
+
+/// Parses a duration in seconds.
+///
+/// # Errors
+/// If the text is no positive number.
+pub fn parse_duration(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|s: &f64| *s > 0.0 && s.is_finite());
+    seconds.ok_or_else(|| "a duration is a positive number of seconds".to_owned())
+}
+
+/// Parses an angle in degrees.
+///
+/// # Errors
+/// If the text is no number.
+pub fn parse_angle(text: &str) -> Result<f64, String> {
+    let degrees = text.parse().ok().filter(|d: &f64| d.is_finite());
+    degrees.ok_or_else(|| "an angle is a number of degrees, negative to turn the other way".to_owned())
 }
 
 /// First and last time of these steps.
@@ -241,6 +288,14 @@ mod tests {
         let args = Times { turntable_deg: Some(-50.0), ..Default::default() };
         let angles: Vec<f64> = args.plan(&times()).unwrap().frames.iter().map(|f| f.azimuth_deg).collect();
         assert_eq!(angles, [-0.0, -10.0, -20.0, -30.0, -40.0]);
+    }
+
+    #[test]
+    fn a_rate_of_images_of_one_step_each_has_no_meaning() {
+        let fps_alone = Times { rate: Some("30".parse().unwrap()), ..Default::default() };
+        assert!(fps_alone.check(false).is_err() && fps_alone.check(true).is_ok());
+        let interpolated = Times { interpolate: true, ..Default::default() };
+        assert!(interpolated.check(true).is_err());
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Writes the frames of a run in order.
 
 use super::RunError;
+use crate::export::Written;
 use crate::export::movie::MovieWriter;
 use crate::export::sequence::FrameWriter;
 use crate::export::still::OutputFrame;
@@ -11,8 +12,8 @@ use std::path::Path;
 pub(super) enum Sink {
     /// Writes images.
     Images(FrameWriter),
-    /// Writes a movie.
-    Movie(Box<MovieWriter>),
+    /// Writes a movie, and counts its bytes.
+    Movie(Box<MovieWriter>, Written),
 }
 
 impl Sink {
@@ -20,7 +21,10 @@ impl Sink {
     pub(super) fn send(&mut self, frame: OutputFrame, file: &Path, cancel: &Cancel) -> Result<(), RunError> {
         match self {
             Self::Images(writer) => Ok(writer.send(frame, file.to_owned())?),
-            Self::Movie(writer) => writer.send(frame.planes.color, cancel).map_err(RunError::from),
+            Self::Movie(writer, count) => {
+                writer.count(count);
+                writer.send(frame.planes.color, cancel).map_err(RunError::from)
+            }
         }
     }
 
@@ -28,8 +32,8 @@ impl Sink {
     pub(super) fn finish(self, keep: bool, cancel: &Cancel) -> Result<(), RunError> {
         match self {
             Self::Images(mut writer) => Ok(writer.finish().map(|_| ())?),
-            Self::Movie(writer) if keep => writer.finish(cancel).map(|_| ()).map_err(RunError::from),
-            Self::Movie(_) => Ok(()),
+            Self::Movie(writer, _) if keep => writer.finish(cancel).map(|_| ()).map_err(RunError::from),
+            Self::Movie(..) => Ok(()),
         }
     }
 }

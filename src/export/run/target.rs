@@ -73,3 +73,15 @@ impl Target {
         tempfile::tempfile_in(folder).map(|_| ()).map_err(|e| FileError::io(&path, "write", &e))
     }
 }
+
+/// A file name or pattern in a folder; a % in the folder's name is doubled, as it is no pattern.
+pub fn pattern_in(folder: &Path, pattern: &Path) -> PathBuf {
+    if pattern.is_absolute() {
+        return pattern.to_owned();
+    }
+    let mut bytes = Vec::new();
+    for &byte in folder.as_os_str().as_encoded_bytes() {
+        bytes.extend_from_slice(if byte == b'%' { b"%%" } else { std::slice::from_ref(&byte) });
+    }
+    files::os_string(bytes).map_or_else(|| folder.to_owned(), PathBuf::from).join(pattern)
+}

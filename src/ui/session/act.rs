@@ -150,6 +150,7 @@ impl Session {
             Action::Pick => self.insight.pick(),
             Action::ForgetPick => self.insight.forget_pick(),
             Action::Screenshot => self.wants_screenshot = true,
+            Action::Export(action) => self.export(action),
             Action::Help => self.help_is_open = !self.help_is_open,
             Action::Fullscreen => self.is_fullscreen = !self.is_fullscreen,
             Action::Close => self.close(),

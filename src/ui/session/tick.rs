@@ -17,6 +17,7 @@ impl Session {
     /// the latest (`None`: after an action, or when woken).
     pub fn tick(&mut self, now: Duration) -> (bool, Option<Duration>) {
         self.finish_jobs();
+        self.tick_exports();
         let passes = notice::pass(&mut self.notices, now);
         self.requests.worker.collect();
         let (state, is_busy) = (self.state(), now < self.busy_until);

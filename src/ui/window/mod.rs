@@ -3,6 +3,7 @@
 mod axes;
 mod blit;
 mod editor;
+mod export;
 mod files;
 mod function_file;
 mod input;
@@ -30,6 +31,7 @@ mod widgets;
 
 pub use run::{WindowError, run, run_watched};
 
+use super::exporting::NewPipeline;
 use super::following::Follower;
 use super::notice::{self, Notice, NoticeKind};
 use super::opening::{Opened, Opening, OpeningOptions};
@@ -156,6 +158,7 @@ pub struct PlayerWindow {
     side: side::Side,
     preview: preview::Preview,
     overlays: overlay::Overlays,
+    export: export::ExportDialog,
     path_box: PathBox,
     unsaved: Unsaved,
     /// Whether the window closes without a question.
@@ -198,6 +201,7 @@ impl PlayerWindow {
             side: Default::default(),
             preview: Default::default(),
             overlays: Default::default(),
+            export: Default::default(),
             path_box: Default::default(),
             unsaved: Default::default(),
             is_closing: false,
@@ -307,9 +311,14 @@ impl PlayerWindow {
             let wake = Arc::new(self.waker.wake());
             Followed { series: series.clone(), follower: Follower::start(store.clone(), series.clone(), wake) }
         });
-        let mut pipeline = Pipeline::new(series);
-        pipeline.choose_gpu(self.options.gpu.clone());
-        pipeline.share_gpu(self.gpu.clone());
+        let (gpu, of_window) = (self.options.gpu.clone(), self.gpu.clone());
+        let new_pipeline: NewPipeline = Arc::new(move |series| {
+            let mut pipeline = Pipeline::new(series);
+            pipeline.choose_gpu(gpu.clone());
+            pipeline.share_gpu(of_window.clone());
+            pipeline
+        });
+        let pipeline = new_pipeline(series);
         let clock = Clock::with_settings(pipeline.times().clone(), playback).map_err(|error| error.to_string())?;
         let no_threads = |error: io::Error| format!("the system gives no threads: {error}");
         let pipelined = Pipelined::start(pipeline, &self.options.threads, self.waker.wake()).map_err(no_threads)?;
@@ -333,6 +342,7 @@ impl PlayerWindow {
         };
         let player = Player::new(clock, pipelined);
         let mut session = Session::new(player, options, Arc::new(self.waker.wake())).map_err(no_threads)?;
+        session.export_with(new_pipeline);
         session.use_window_gpu(self.screen.context().is_some());
         Ok((session, followed))
     }
@@ -487,6 +497,7 @@ impl PlayerWindow {
         let behind = Backdrop { window: whole, viewport, background, panels };
         ui.painter().set(backdrop, self.screen.behind(&behind));
         popups::help(&ctx, session, &mut actions);
+        self.export.show(&ctx, session, &mut actions);
         if !self.is_laid_out {
             // Panels do not know their sizes before their first layout, and a frame of another size would be discarded.
             self.is_laid_out = true;

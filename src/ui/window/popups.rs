@@ -15,10 +15,20 @@ pub(super) fn drop_hint(ctx: &egui::Context) {
     });
 }
 
-/// Messages about a session.
+/// Messages about a session, over the picture; the dialog of exports has them itself.
 pub(super) fn notices(ui: &mut egui::Ui, session: &Session, actions: &mut Vec<Action>) {
+    if session.exports().is_open() {
+        return;
+    }
     let mut notices = session.notices().to_vec();
     let read = messages(ui, "messages", &mut notices);
+    actions.extend(read.map(Action::Dismiss));
+}
+
+/// Messages about a session, in a part of the window.
+pub(super) fn session_messages(ui: &mut egui::Ui, session: &Session, actions: &mut Vec<Action>) {
+    let mut read = None;
+    messages_of(ui, session.notices(), &mut read);
     actions.extend(read.map(Action::Dismiss));
 }
 

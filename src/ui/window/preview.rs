@@ -14,7 +14,23 @@ const ALT_TEXT: &str = "Small picture of the step";
 #[derive(Default)]
 pub(super) struct Preview {
     step: Option<usize>,
-    shown: Option<(Arc<Picture>, TextureHandle)>,
+    shown: Upload,
+}
+
+/// A picture on the GPU.
+#[derive(Default)]
+pub(super) struct Upload(Option<(Arc<Picture>, TextureHandle)>);
+
+impl Upload {
+    /// The texture of a picture, which is uploaded unless it is there.
+    pub(super) fn of(&mut self, ctx: &egui::Context, name: &str, picture: &Arc<Picture>) -> &TextureHandle {
+        let known = self.0.take().filter(|(shown, _)| Arc::ptr_eq(picture, shown));
+        let upload = || {
+            let image = ColorImage::from_rgba_premultiplied(picture.size, picture.pixels.as_flattened());
+            (picture.clone(), ctx.load_texture(name, image, TextureOptions::LINEAR))
+        };
+        &self.0.insert(known.unwrap_or_else(upload)).1
+    }
 }
 
 impl Preview {
@@ -23,32 +39,20 @@ impl Preview {
         let Some(step) = step else {
             if self.step.take().is_some() {
                 session.thumbnail(None);
-                self.shown = None;
+                self.shown = Upload::default();
             }
             return;
         };
         self.step = Some(step);
         let picture = session.thumbnail(Some(step));
-        if let Some(picture) = &picture {
-            self.take(over, picture);
-        }
-        let shown = self.shown.as_ref().filter(|_| picture.is_some());
+        let shown = picture.map(|picture| self.shown.of(&over.ctx, "thumbnail", &picture));
         let id = over.id.with("preview");
         Tooltip::always_open(over.ctx.clone(), over.layer_id, id, PopupAnchor::Pointer).show(|ui| {
-            if let Some((_, texture)) = shown {
+            if let Some(texture) = shown {
                 ui.add(egui::Image::new((texture.id(), texture.size_vec2())).alt_text(ALT_TEXT));
             }
             ui.label(caption(session, step));
         });
-    }
-
-    /// Uploads a picture to the GPU, unless it is there.
-    fn take(&mut self, over: &egui::Response, picture: &Arc<Picture>) {
-        if self.shown.as_ref().is_some_and(|(shown, _)| Arc::ptr_eq(picture, shown)) {
-            return;
-        }
-        let image = ColorImage::from_rgba_premultiplied(picture.size, picture.pixels.as_flattened());
-        self.shown = Some((picture.clone(), over.ctx.load_texture("thumbnail", image, TextureOptions::LINEAR)));
     }
 }
 

@@ -1,9 +1,10 @@
 //! The timeline: steps, which of them are in memory, and playback controls.
 
 use super::preview::Preview;
-use super::strip;
 use super::widgets::{Symbol, chosen, icon, labelled, number, symbol, toggle, wide_number};
+use super::{export, strip};
 use crate::playback::{Command, Direction, Loop, Mode, State, StepRange};
+use crate::ui::exporting::ExportAction;
 use crate::ui::{Action, Session};
 use eframe::egui;
 use egui::{DragValue, Pos2, Rangef, Rect, Role, Slider, Ui, WidgetInfo, pos2};
@@ -37,9 +38,13 @@ pub(super) fn show(
         if icon(ui, "save picture", "Screenshot (S)", true).clicked() {
             actions.push(Action::Screenshot);
         }
+        if icon(ui, "export", "Export images or a movie (Ctrl E)", true).clicked() {
+            actions.push(Action::Export(ExportAction::Dialog));
+        }
         if icon(ui, "?", "Help (H)", true).clicked() {
             actions.push(Action::Help);
         }
+        export::progress(ui, session, actions);
     });
     ui.add_space(4.0);
 }

@@ -115,7 +115,8 @@ fn counted(progress: &OpeningProgress) -> String {
     format!("{done} of {total} {unit}{left}")
 }
 
-fn in_words(time: Duration) -> String {
+/// A time left, rounded up.
+pub(super) fn in_words(time: Duration) -> String {
     let seconds = time.as_secs_f64().ceil() as u64;
     if seconds < 90 { format!("{seconds} s") } else { format!("{} min", seconds.div_ceil(60)) }
 }
