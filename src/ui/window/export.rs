@@ -11,7 +11,8 @@ use crate::ui::exporting::{Choices, ExportAction, ExportProgress, Frames};
 use crate::ui::{Action, Session};
 use eframe::egui;
 use egui::{
-    Align2, Button, DragValue, Grid, Key, Modifiers, Popup, ProgressBar, Role, ScrollArea, TextEdit, Ui, WidgetInfo,
+    Align2, Button, Direction, DragValue, Grid, Key, Layout, Modifiers, Popup, ProgressBar, Role, ScrollArea, TextEdit,
+    Ui, WidgetInfo,
 };
 
 /// Width of the dialog, points, where the window has room.
@@ -25,6 +26,8 @@ const LINE: f32 = 24.0;
 const MESSAGES: f32 = 72.0;
 /// Largest width and height of the preview, points.
 const PREVIEW: egui::Vec2 = egui::vec2(208.0, 132.0);
+/// Width of lists beside the preview.
+const CHOICE: f32 = 150.0;
 /// Width of boxes for a path and for short texts.
 const LONG: f32 = 340.0;
 const SHORT: f32 = 76.0;
@@ -56,7 +59,8 @@ impl ExportDialog {
         let lines = if exports.progress().is_some() { LINE } else { 0.0 };
         let messages = if session.notices().is_empty() { 0.0 } else { MESSAGES };
         let mut is_open = !escapes;
-        let window = egui::Window::new("Export").open(&mut is_open).collapsible(false).resizable(false);
+        let window =
+            egui::Window::new("Export images or a movie").open(&mut is_open).collapsible(false).resizable(false);
         let window = window.default_pos(room.center()).pivot(Align2::CENTER_CENTER).constrain_to(room);
         window.show(ctx, |ui| {
             let margins = ctx.global_style().spacing.window_margin.sum().x;
@@ -84,20 +88,14 @@ impl ExportDialog {
     /// The preview, and beside it frames and size.
     fn head(&mut self, ui: &mut Ui, session: &Session, choices: &mut Choices) {
         ui.horizontal_top(|ui| {
-            let (place, _) = ui.allocate_exact_size(PREVIEW, egui::Sense::hover());
-            ui.painter().rect_filled(place, 0.0, ui.visuals().extreme_bg_color);
-            match session.exports().preview() {
-                Some(Ok(picture)) => {
-                    let texture = self.preview.of(ui.ctx(), "export preview", &picture);
-                    let size = texture.size_vec2();
-                    let scale = (PREVIEW.x / size.x).min(PREVIEW.y / size.y);
-                    let image = egui::Image::new((texture.id(), size)).alt_text(ALT_TEXT);
-                    ui.put(egui::Rect::from_center_size(place.center(), scale * size), image);
-                }
-                Some(Err(problem)) => _ = ui.put(place, egui::Label::new(problem).wrap()),
-                None => {}
-            }
+            let middle = Layout::centered_and_justified(Direction::TopDown);
+            ui.allocate_ui_with_layout(PREVIEW, middle, |ui| {
+                ui.set_min_size(PREVIEW);
+                ui.painter().rect_filled(ui.max_rect(), 0.0, ui.visuals().extreme_bg_color);
+                self.preview(ui, session);
+            });
             ui.vertical(|ui| {
+                ui.spacing_mut().combo_width = CHOICE;
                 let mut frames = choices.frames;
                 let options = [(Frames::Moment, "this moment"), (Frames::Steps, "steps")];
                 if choice(ui, "Frames of the export", &mut frames, &options) {
@@ -113,6 +111,20 @@ impl ExportDialog {
                 }
             });
         });
+    }
+
+    /// The picture, once it is there.
+    fn preview(&mut self, ui: &mut Ui, session: &Session) {
+        match session.exports().preview() {
+            Some(Ok(picture)) => {
+                let texture = self.preview.of(ui.ctx(), "export preview", &picture);
+                let size = texture.size_vec2();
+                let size = size * (PREVIEW.x / size.x).min(PREVIEW.y / size.y);
+                ui.add(egui::Image::new((texture.id(), size)).alt_text(ALT_TEXT));
+            }
+            Some(Err(problem)) => _ = ui.add(egui::Label::new(problem).wrap()),
+            None => {}
+        }
     }
 }
 
@@ -236,7 +248,7 @@ fn format(ui: &mut Ui, choices: &mut Choices) {
         }
         StillFormat::Exr => {
             // Three boxes need the width of a row.
-            ui.spacing_mut().combo_width = 90.0;
+            ui.spacing_mut().combo_width = SHORT;
             choice(ui, "Bits of colours", &mut choices.half_exr, &[(false, "32 bits"), (true, "16 bits")]);
             let colors = [(ExrColor::Linear, "linear"), (ExrColor::Raw, "raw")];
             choice(ui, "Colours of the file", &mut choices.exr, &colors);

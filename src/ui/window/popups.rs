@@ -54,8 +54,11 @@ pub(super) fn messages(ui: &mut egui::Ui, id: &'static str, notices: &mut Vec<No
 /// Position of messages, below field and error, in points.
 const MESSAGES_AT: egui::Vec2 = egui::vec2(12.0, 56.0);
 
+/// Largest width of messages, in points.
+const MESSAGES_WIDTH: f32 = 700.0;
+
 fn messages_of(ui: &mut egui::Ui, notices: &[Notice], read: &mut Option<usize>) {
-    ui.set_max_width(700.0);
+    ui.set_max_width(ui.available_width().min(MESSAGES_WIDTH));
     for (index, notice) in notices.iter().enumerate() {
         ui.horizontal(|ui| {
             let name = format!("Dismiss message {}", index + 1);

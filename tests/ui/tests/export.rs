@@ -49,10 +49,10 @@ fn with_preview(desk: &mut Desk) {
 
 #[test]
 fn a_picture_of_the_moment_and_images_of_steps_are_exported_from_the_dialog() {
-    let Some(mut desk) = open([1280.0, 720.0]) else { return };
+    let Some(mut desk) = open([800.0, 600.0]) else { return };
     desk.click(BUTTON);
     with_preview(&mut desk);
-    desk.save("export_1280.png");
+    desk.save("export_moment.png");
     let path = desk.folder.path().join("out.png");
     enter(&mut desk, "File of the export", path.to_str().unwrap());
     enter(&mut desk, "Width of the export", "80");
@@ -62,7 +62,7 @@ fn a_picture_of_the_moment_and_images_of_steps_are_exported_from_the_dialog() {
     desk.click("Legend in the export");
     desk.until_there("1 frame");
     let choices = desk.session().exports().choices().unwrap().clone();
-    assert!(choices.legend && choices.size_px == (80, 60));
+    assert_eq!((choices.legend, choices.size_px), (true, (80, 60)));
     desk.click("Export");
     let text = until_exported(&mut desk);
     assert!(text.starts_with("wrote ") && text.ends_with("out.png"), "{text}");
@@ -93,7 +93,7 @@ fn a_picture_of_the_moment_and_images_of_steps_are_exported_from_the_dialog() {
 
 #[test]
 fn an_export_goes_on_when_the_dialog_is_closed_and_is_cancelled_in_the_timeline() {
-    let Some(mut desk) = open([1280.0, 800.0]) else { return };
+    let Some(mut desk) = open([800.0, 600.0]) else { return };
     desk.press_with(Modifiers::CTRL, Key::E);
     with_preview(&mut desk);
     choose(&mut desk, "Frames of the export", "steps");
