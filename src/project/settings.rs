@@ -23,6 +23,16 @@ pub struct Data {
     pub field: Option<FieldSelector>,
 }
 
+/// A camera to go back to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct NamedCamera {
+    /// Its name: without '='.
+    pub name: String,
+    /// Viewpoint and projection.
+    pub camera: Camera,
+}
+
 /// The look. Settings left out are as for `render`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", default, deny_unknown_fields)]
@@ -93,7 +103,7 @@ pub struct LookSettings {
     /// Whether pixels whose fragments came out of order stay as they are.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inexact_order: Option<bool>,
-    /// Viewpoint, as `--camera` has it.
+    /// Viewpoint, as `--camera` has it, or the name of a camera.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<String>,
 }

@@ -53,6 +53,8 @@ pub enum Action {
     },
     /// Switches between parallel and perspective projection.
     OtherProjection,
+    /// Looks through the named camera of this index, from 0.
+    GoToCamera(usize),
     /// Shows ensembles of the project, or those of its timeline again and with them its levels of detail and optics.
     Ensembles(EnsembleChoice),
     /// Sets whether the camera follows the project's path.

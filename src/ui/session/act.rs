@@ -65,6 +65,11 @@ impl Session {
                 self.change_camera(|camera| camera.along(axis, from_positive));
             }
             Action::OtherProjection => self.change_camera(Camera::with_other_projection),
+            Action::GoToCamera(index) => {
+                if let Some(camera) = self.project().cameras.get(index).map(|named| named.camera) {
+                    self.change_camera(|_| Ok(camera));
+                }
+            }
             Action::Ensembles(choice) => self.choose_ensembles(choice),
             Action::CameraPath(follows) => {
                 self.look.camera = self.camera();

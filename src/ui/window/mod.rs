@@ -2,6 +2,7 @@
 
 mod axes;
 mod blit;
+mod cameras;
 mod files;
 mod input;
 mod overlay;

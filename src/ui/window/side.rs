@@ -1,5 +1,6 @@
 //! The side panel: controls of data and look.
 
+use super::cameras::CameraMenu;
 use super::overlay::{self, Overlays, horizontal_strip};
 use super::project::{self, ProjectMenu};
 use super::transfer_editor::TransferEditor;
@@ -25,6 +26,7 @@ pub(super) const WIDTH: f32 = 250.0;
 pub(super) struct Side {
     editor: TransferEditor,
     project: ProjectMenu,
+    cameras: CameraMenu,
 }
 
 impl Side {
@@ -67,7 +69,7 @@ impl Side {
                 });
                 section(ui, "Surfaces", &mut |ui| surfaces::show(ui, session, actions));
                 section(ui, "Point", &mut |ui| point::show(ui, session, actions));
-                section(ui, "View", &mut |ui| view(ui, session, overlays, actions));
+                section(ui, "View", &mut |ui| view(ui, session, (overlays, &mut self.cameras), actions));
                 section(ui, "Picture", &mut |ui| picture(ui, session, actions));
                 section(ui, "Statistics", &mut |ui| statistics::show(ui, session));
             })
@@ -212,10 +214,18 @@ fn range_of_colors(
     }
 }
 
-fn view(ui: &mut Ui, session: &Session, overlays: &mut Overlays, actions: &mut Vec<Action>) {
-    if ui.button("Whole mesh").on_hover_text("R").clicked() {
-        actions.push(Action::ResetView);
-    }
+fn view(
+    ui: &mut Ui,
+    session: &Session,
+    (overlays, cameras): (&mut Overlays, &mut CameraMenu),
+    actions: &mut Vec<Action>,
+) {
+    ui.horizontal(|ui| {
+        if ui.button("Whole mesh").on_hover_text("R").clicked() {
+            actions.push(Action::ResetView);
+        }
+        cameras.show(ui, session, actions);
+    });
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         for (axis, name) in [(Axis::X, "x"), (Axis::Y, "y"), (Axis::Z, "z")] {
