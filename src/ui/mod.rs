@@ -70,6 +70,7 @@ mod session;
 mod session_tests;
 pub mod settings;
 mod still;
+pub mod strip;
 pub mod survey;
 pub mod thumbnails;
 #[cfg(feature = "gui")]

@@ -153,7 +153,7 @@ pub struct PlayerWindow {
     waker: Waker,
     gpu: WindowGpu,
     side: side::Side,
-    preview: preview::Preview,
+    timeline: timeline::Pictures,
     overlays: overlay::Overlays,
     path_box: PathBox,
     unsaved: Unsaved,
@@ -195,7 +195,7 @@ impl PlayerWindow {
             waker,
             gpu,
             side: Default::default(),
-            preview: Default::default(),
+            timeline: Default::default(),
             overlays: Default::default(),
             path_box: Default::default(),
             unsaved: Default::default(),
@@ -464,7 +464,7 @@ impl PlayerWindow {
         popups::notices(ui, session, &mut actions);
         let shows_side = &mut self.keeper.settings_mut().shows_side;
         egui::Panel::bottom("timeline").frame(panel).show(ui, |ui| {
-            timeline::show(ui, session, shows_side, &mut self.preview, &mut actions);
+            timeline::show(ui, session, shows_side, &mut self.timeline, &mut actions);
         });
         if *shows_side {
             let side = egui::Panel::right("side").frame(panel).default_size(side::WIDTH).min_size(side::WIDTH);
