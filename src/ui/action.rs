@@ -4,7 +4,7 @@ use crate::camera::Axis;
 use crate::field::FieldSelector;
 use crate::look::EnsembleChoice;
 use crate::optics::OpticsKind;
-use crate::pipeline::{Backend, RenderMode, SurfaceLook};
+use crate::pipeline::{Backend, RenderMode, Sampling, SurfaceLook};
 use crate::playback::Command;
 use crate::playback::quality::Family;
 use crate::project::Edit;
@@ -90,6 +90,8 @@ pub enum Action {
     Renderer(RenderMode),
     /// Sets the share of interior faces to draw, 0 to 1, for face renderers.
     LevelOfDetail(f64),
+    /// Sets which faces are drawn, for face renderers.
+    Sampling(Sampling),
     /// Sets how segments of a ray are integrated.
     Optics(OpticsKind),
     /// Sets isosurfaces, their light, and whether the volume is shown.
@@ -102,6 +104,10 @@ pub enum Action {
     MoveCut(DVec2),
     /// Sets the target frame rate while something moves; `None`: all frames are drawn in full.
     TargetRate(Option<f64>),
+    /// Draws less while something moves: the target frame rate is a notch higher.
+    LessQuality,
+    /// Draws more while something moves: the target frame rate is a notch lower, or all frames are drawn in full.
+    MoreQuality,
     /// Sets the family of lower qualities for that; `None`: the one with the least error.
     GiveUp(Option<Family>),
     /// Sets pixels of the image per pixel of the screen, along a side.

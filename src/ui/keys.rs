@@ -49,6 +49,8 @@ pub fn bindings() -> Vec<Binding> {
         plain("I", Action::RangeFromHere, "play from here or up to here only"),
         plain("O", Action::RangeToHere, "play from here or up to here only"),
         plain("A", Action::ToggleDropping, "real time, dropping frames, or every step"),
+        plain("D", Action::LessQuality, QUALITY_HELP),
+        plain("E", Action::MoreQuality, QUALITY_HELP),
         plain("R", Action::ResetView, "the whole mesh again"),
         plain("X", along(Axis::X, false), axes),
         plain("Y", along(Axis::Y, false), axes),
@@ -74,6 +76,8 @@ pub fn bindings() -> Vec<Binding> {
     ]);
     all
 }
+
+const QUALITY_HELP: &str = "less or more quality while something moves";
 
 const ISOVALUE_HELP: &str = "the isovalue a hundredth of the range down or up";
 

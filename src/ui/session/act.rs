@@ -1,6 +1,6 @@
 //! Applies user actions to a session.
 
-use super::quality::SETTLE;
+use super::quality::{SETTLE, less_quality, more_quality};
 use super::{IMAGE_SCALES, Session, TARGET_FPS};
 use crate::camera::{Camera, CameraError};
 use crate::files;
@@ -131,10 +131,13 @@ impl Session {
                 self.look.faces.lod = lod.clamp(0.0, 1.0);
                 self.leave(|followed| followed.lod = false);
             }
+            Action::Sampling(sampling) => self.look.faces.sampling = sampling,
             Action::TargetRate(Some(fps)) if fps.is_nan() => {}
             Action::TargetRate(fps) => {
                 self.target_fps = fps.map(|fps| fps.clamp(*TARGET_FPS.start(), *TARGET_FPS.end()));
             }
+            Action::LessQuality => self.target_fps = less_quality(self.target_fps),
+            Action::MoreQuality => self.target_fps = more_quality(self.target_fps),
             Action::GiveUp(family) => self.family = family,
             Action::ImageScale(scale) => {
                 self.image_scale = scale.clamp(*IMAGE_SCALES.start(), *IMAGE_SCALES.end());

@@ -27,7 +27,16 @@ pub(super) fn pressed(ctx: &egui::Context) -> Vec<Action> {
 /// Whether the action repeats while its key is held.
 fn repeats(action: &Action) -> bool {
     use crate::playback::Command;
-    matches!(action, Action::Play(Command::Step(_)) | Action::Faster | Action::Slower | Action::Undo | Action::Redo)
+    matches!(
+        action,
+        Action::Play(Command::Step(_))
+            | Action::Faster
+            | Action::Slower
+            | Action::LessQuality
+            | Action::MoreQuality
+            | Action::Undo
+            | Action::Redo
+    )
 }
 
 /// The table's key for a key of egui, and whether shift counts for it.

@@ -11,6 +11,7 @@ mod point;
 mod popups;
 mod preview;
 mod project;
+mod quality;
 mod region_surfaces;
 mod regions;
 mod run;

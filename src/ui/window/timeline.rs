@@ -3,6 +3,7 @@
 use super::preview::Preview;
 use super::strip::{self, Strip};
 use super::widgets::{Symbol, chosen, icon, labelled, number, symbol, toggle, wide_number};
+use super::quality;
 use crate::playback::{Command, Direction, Loop, Mode, State, StepRange};
 use crate::ui::{Action, Session};
 use eframe::egui;
@@ -33,6 +34,8 @@ pub(super) fn show(
         transport(ui, &state, actions);
         ui.separator();
         place(ui, session, &state, actions);
+        ui.separator();
+        quality::show(ui, session, actions);
         ui.separator();
         pace(ui, &state, actions);
         ui.separator();
