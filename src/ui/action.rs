@@ -9,6 +9,7 @@ use crate::playback::Command;
 use crate::playback::quality::Family;
 use crate::project::Edit;
 use crate::transfer::{ColorMap, OpacityPoint, RangePolicy};
+use crate::ui::tracks::KeyAction;
 use glam::DVec2;
 use std::path::PathBuf;
 
@@ -63,6 +64,8 @@ pub enum Action {
     Field(FieldSelector),
     /// Changes the project.
     Edit(Box<Edit>),
+    /// Selects or changes keys of the timeline.
+    Keys(KeyAction),
     /// Undoes the last change of what is shown.
     Undo,
     /// Does the change again that was undone last.

@@ -4,6 +4,7 @@ use super::Action;
 use crate::camera::Axis;
 use crate::look::EnsembleChoice;
 use crate::playback::Command;
+use crate::ui::tracks::KeyAction;
 
 /// One line of the table.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,6 +70,9 @@ pub fn bindings() -> Vec<Binding> {
         plain("C", Action::CameraPath(true), "the project's camera path again"),
         ctrl("Z", false, Action::Undo, "undo a change of what is shown"),
         ctrl("Z", true, Action::Redo, "do it again"),
+        plain("Delete", Action::Keys(KeyAction::Remove), "remove the selected key of the timeline"),
+        ctrl("C", false, Action::Keys(KeyAction::Copy), "copy it"),
+        ctrl("V", false, Action::Keys(KeyAction::Paste), "insert the copy at the moment shown"),
         ctrl("S", false, Action::SaveProject { to: None, may_replace: false }, "save the project"),
         plain("S", Action::Screenshot, "save the picture as a PNG file here"),
         plain("H", Action::Help, "this help"),

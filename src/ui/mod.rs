@@ -73,6 +73,7 @@ mod still;
 pub mod strip;
 pub mod survey;
 pub mod thumbnails;
+pub mod tracks;
 #[cfg(feature = "gui")]
 pub mod window;
 mod worker;

@@ -4,6 +4,7 @@ mod act;
 mod insight;
 mod quality;
 mod tick;
+mod tracks;
 
 use super::document::Document;
 use super::history::History;
@@ -13,6 +14,7 @@ use super::motion::{Drawing, MotionError};
 use super::notice::{self, Notice, NoticeKind};
 use super::project_worker::ProjectWorker;
 use super::requests::Requests;
+use super::tracks::KeyChoice;
 use crate::camera::Camera;
 use crate::look::{Look, mapped_range};
 use crate::pipeline::{FrameRequest, KeyedSurfaces, Series, SharedFrame, SurfaceLook};
@@ -98,6 +100,7 @@ pub struct Session {
     gestures: u64,
     /// Index of the member that is edited, in each ensemble.
     member: usize,
+    keys: KeyChoice,
     requests: Requests,
     /// Requests of thumbnails.
     previews: Requests,
@@ -168,6 +171,7 @@ impl Session {
             gesture: None,
             gestures: 0,
             member: 0,
+            keys: KeyChoice::default(),
             requests: requests()?,
             previews: requests()?,
             asked: None,

@@ -3,11 +3,12 @@
 use super::preview::Preview;
 use super::strip::{self, Strip};
 use super::widgets::{Symbol, chosen, icon, labelled, number, symbol, toggle, wide_number};
-use super::quality;
+use super::{key_boxes, quality, tracks};
 use crate::playback::{Command, Direction, Loop, Mode, State, StepRange};
+use crate::ui::tracks::place_of;
 use crate::ui::{Action, Session};
 use eframe::egui;
-use egui::{DragValue, Pos2, Rangef, Rect, Role, Slider, Ui, WidgetInfo, pos2};
+use egui::{DragValue, Pos2, Rangef, Rect, Role, Slider, Stroke, Ui, WidgetInfo, pos2};
 
 /// Height of the strips for steps in memory and for the range.
 const STRIP: f32 = 4.0;
@@ -29,11 +30,17 @@ pub(super) fn show(
 ) {
     let state = session.state();
     ui.add_space(4.0);
-    scrub(ui, session, &state, pictures, actions);
+    let names = egui::Margin { left: tracks::names_width(session) as i8, ..egui::Margin::ZERO };
+    let (slider, way) =
+        egui::Frame::NONE.inner_margin(names).show(ui, |ui| scrub(ui, session, &state, pictures, actions)).inner;
+    tracks::show(ui, session, way, actions);
+    playhead(ui, session, way, slider.bottom()..=ui.min_rect().bottom());
+    key_boxes::show(ui, session, actions);
     ui.horizontal_wrapped(|ui| {
         transport(ui, &state, actions);
         ui.separator();
         place(ui, session, &state, actions);
+        tracks::add_menu(ui, session, actions);
         ui.separator();
         quality::show(ui, session, actions);
         ui.separator();
@@ -54,8 +61,24 @@ pub(super) fn show(
     ui.add_space(4.0);
 }
 
-/// The slider over all steps, and below it the strips.
-fn scrub(ui: &mut Ui, session: &mut Session, state: &State, pictures: &mut Pictures, actions: &mut Vec<Action>) {
+/// A line through strips and tracks at the moment shown.
+fn playhead(ui: &Ui, session: &Session, way: Rangef, range: std::ops::RangeInclusive<f32>) {
+    let times = &session.series().times().values;
+    if let Some(at) = session.moment() {
+        let share = place_of(times, at) / times.len().saturating_sub(1).max(1) as f64;
+        let stroke = Stroke::new(1.0, ui.visuals().warn_fg_color.gamma_multiply(0.7));
+        ui.painter().vline(egui::lerp(way, share as f32), range, stroke);
+    }
+}
+
+/// The slider over all steps, and below it the strips. Returns the slider's place, and the way of its handle.
+fn scrub(
+    ui: &mut Ui,
+    session: &mut Session,
+    state: &State,
+    pictures: &mut Pictures,
+    actions: &mut Vec<Action>,
+) -> (Rect, Rangef) {
     let last = state.steps.saturating_sub(1);
     let at = state.frame.map_or(0, |frame| frame.step());
     let mut step = at;
@@ -89,7 +112,9 @@ fn scrub(ui: &mut Ui, session: &mut Session, state: &State, pictures: &mut Pictu
         actions.push(Action::Play(Command::SeekStep(step)));
     }
     let under = response.hover_pos().or(values.hover_pos()).filter(|_| last > 0).map(step_at);
+    let place = response.rect;
     pictures.preview.show(session, under, &response.union(values));
+    (place, way)
 }
 
 /// Strips for steps in memory and for the played range; the first step is at the start of `way`, the last one at its end.
