@@ -82,6 +82,10 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
     if says("cut") {
         (project.look.cut, project.timeline.cut) = Default::default();
     }
+    let words = &with_camera(words, &project).with_context(|| path.display().to_string())?[..];
+    if let Some(camera) = project.look.camera.as_deref() {
+        project.look.camera = project.named_camera(camera)?.map(ToString::to_string).or(project.look.camera);
+    }
     // The first word is the program's name, which is arbitrary.
     let Some(at) = words.iter().skip(1).position(|given| given == word).map(|at| at + 1) else { bail!(wrong) };
     let (before, after) = words.split_at(at + 1);
@@ -101,6 +105,26 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
     let args = Box::new(A::from_arg_matches_mut(&mut matches)?);
     let source = folder.join(&project.data.source);
     Ok(Opened { project: Arc::new(project), source, args })
+}
+
+/// The command line with the camera itself in place of the name of one.
+fn with_camera(words: &[OsString], project: &Project) -> Result<Vec<OsString>, ProjectError> {
+    const OPTION: &str = "--camera";
+    let mut words = words.to_vec();
+    for at in 0..words.len() {
+        let text = |word: Option<&OsString>| word.and_then(|word| word.to_str()).map(str::to_owned);
+        let Some(word) = text(words.get(at)) else { continue };
+        let (at, before, name) = match word.strip_prefix(OPTION) {
+            Some("") => (at + 1, "", text(words.get(at + 1))),
+            Some(rest) => (at, "--camera=", rest.strip_prefix('=').map(str::to_owned)),
+            None => continue,
+        };
+        let Some(name) = name else { continue };
+        if let (Some(camera), Some(word)) = (project.named_camera(&name)?, words.get_mut(at)) {
+            *word = format!("{before}{camera}").into();
+        }
+    }
+    Ok(words)
 }
 
 /// Adds the project's file to the error, if it concerns the project.
@@ -187,10 +211,12 @@ mod tests {
     use crate::cli::scene::{SceneArgs, SizePx};
     use crate::ingest::{IngestOptions, ingest};
     use crate::look::Look;
-    use crate::project::{Data, is_project};
+    use crate::project::{Data, NamedCamera, is_project};
     use crate::store::Store;
     use crate::synth::{SeriesName, SynthSpec, generate};
     use crate::task::{Cancel, Silent};
+    use crate::timeline::Key;
+    use glam::DVec3;
 
     /// Options of looks, by what they set.
     const LOOKS: [&str; 9] = [
@@ -204,6 +230,43 @@ mod tests {
         "--cut point=1,2,3_normal=0,0.6,0.8_clip --cut point=0,0,5_normal=1,0,0_field=velocity:2@inferno",
         "--surface solid:#ff0000:0.5 --surface edges --crop min=-3,-3,-3_max=3,3,9 --parts 0",
     ];
+
+    #[test]
+    fn a_camera_is_named_on_the_command_line_or_in_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("p.toml");
+        let camera = |angle: f64| {
+            let projection = crate::camera::Projection::Perspective { view_angle: angle };
+            crate::camera::Camera {
+                projection,
+                ..crate::camera::Camera::default_for((DVec3::ZERO, DVec3::ONE)).unwrap()
+            }
+        };
+        let named = |name: &str, angle| NamedCamera { name: name.to_owned(), camera: camera(angle) };
+        let mut project = Project::new(Data { source: "x.zarr".into(), field: None });
+        project.cameras = vec![named("front", 20.0), named("from the left", 30.0)];
+        project.look.camera = Some("front".into());
+        project.timeline.cameras =
+            vec![Key { time: 0.0, transition: Default::default(), value: camera(40.0) }].try_into().unwrap();
+        project.write(&file).unwrap();
+        let opened = |options: &[&str]| {
+            let words =
+                ["tetreel", "render", file.to_str().unwrap(), "-o", "x.png"].into_iter().chain(options.iter().copied());
+            let words: Vec<OsString> = words.map(OsString::from).collect();
+            open::<SceneArgs>(&file, &words, Taker::Render)
+        };
+        let of_look = opened(&[]).unwrap();
+        assert_eq!(of_look.args.camera, Some(camera(20.0).to_string()));
+        assert_eq!(of_look.project.timeline.cameras.keys().len(), 1);
+        for options in [&["--camera", "from the left"][..], &["--camera=from the left"]] {
+            let opened = opened(options).unwrap();
+            assert_eq!(opened.args.camera, Some(camera(30.0).to_string()));
+            assert!(opened.project.timeline.cameras.keys().is_empty(), "it holds for all frames");
+        }
+        assert_eq!(opened(&["--camera", "angle=7"]).unwrap().args.camera.as_deref(), Some("angle=7"));
+        let error = format!("{:#}", opened(&["--camera", "back"]).map(drop).unwrap_err());
+        assert!(error.contains("p.toml") && error.contains("'back'; there are: front, from the left"), "{error}");
+    }
 
     #[test]
     fn a_look_that_is_saved_is_the_same_look_when_it_is_opened() {

@@ -42,7 +42,8 @@ pub(super) struct SceneArgs {
     /// The length that opacities refer to, in world units (default: 1 % of the bounding box's diagonal)
     #[arg(long, value_name = "LENGTH", allow_hyphen_values = true, value_parser = parse_length)]
     pub(super) unit_distance: Option<f64>,
-    /// "pos=x,y,z focal=x,y,z up=x,y,z angle=30" or parallel=SCALE; what is left out frames the mesh
+    /// "pos=x,y,z focal=x,y,z up=x,y,z angle=30" or parallel=SCALE; what is left out frames the mesh. Of a project also the name of one of
+    /// its cameras
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
     pub(super) camera: Option<String>,
     /// auto (raycast, or havs for a --lod below 1), raycast, havs (faces through a k-buffer), or reference (float64, slow)

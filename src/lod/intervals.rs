@@ -45,6 +45,16 @@ impl Partition {
         }
     }
 
+    /// The same with another number of intervals.
+    #[must_use]
+    pub fn of(self, count: usize) -> Self {
+        match self {
+            Self::Regular(_) => Self::Regular(count),
+            Self::Logarithmic(_) => Self::Logarithmic(count),
+            Self::Greedy(_) => Self::Greedy(count),
+        }
+    }
+
     /// The intervals of a series of `steps` steps; none if it has none. `changes` are the [`step_change`]s into each step from the one
     /// before (entry 0 is ignored), for [`Partition::Greedy`] only; missing and non-finite ones count as 0.
     pub fn intervals(self, steps: usize, changes: &[f64]) -> Vec<Interval> {

@@ -1,13 +1,12 @@
 //! [`Animation`]: a project evaluated at a time of a series.
 
 use super::{Project, ProjectError};
-use crate::camera::Camera;
 use crate::histograms::{Histogram, Kind};
 use crate::look::{Colors, Keyed};
 use crate::moments::Distribution;
 use crate::pipeline::{FrameTime, KeyedSurfaces, Series};
 use crate::task::Cancel;
-use crate::timeline::{At, Keyframed};
+use crate::timeline::At;
 use crate::transfer::{
     BlendedEnsembles, Context, Counts2d, Curve, Ensemble, Lengths, Member, OpacityKind, RangePolicy, Space,
     TransferContent, TransferError, TransferSource, joint_table,
@@ -74,26 +73,13 @@ impl Animation {
     /// If an ensemble cannot be evaluated over the field, or the cameras interpolate to an invalid view.
     pub fn at(&mut self, moment: FrameTime, at: f64, cancel: &Cancel) -> Result<Keyed, ProjectError> {
         let timeline = &self.project.timeline;
-        let camera = match timeline.cameras.at(at) {
-            None => None,
-            Some(At::One(camera)) => Some(*camera),
-            Some(At::Between { a, b, weight }) => {
-                let between = Camera::between(a, b, weight);
-                Some(between.map_err(|problem| ProjectError::Camera { time: at, problem })?)
-            }
-        };
-        let number = |track: &Keyframed<f64>| {
-            track.at(at).map(|number| match number {
-                At::One(number) => *number,
-                At::Between { a, b, weight } => a * (1.0 - weight) + b * weight,
-            })
-        };
-        let lod = number(&timeline.lod);
-        let [isovalue, opacity, cut] = [&timeline.isovalue, &timeline.iso_opacity, &timeline.cut].map(number);
+        let camera = timeline.camera(at).transpose();
+        let camera = camera.map_err(|problem| ProjectError::Camera { time: at, problem })?;
+        let lod = timeline.lod.number(at);
+        let [isovalue, opacity, cut] =
+            [&timeline.isovalue, &timeline.iso_opacity, &timeline.cut].map(|track| track.number(at));
         let surfaces = KeyedSurfaces { isovalue, opacity, cut };
-        let optics = timeline.optics.at(at).map(|optics| match optics {
-            At::One(optics) | At::Between { a: optics, .. } => *optics,
-        });
+        let optics = timeline.optics(at);
         let colors = self.colors(moment, at, cancel)?;
         Ok(Keyed { colors, camera, lod, surfaces, optics })
     }

@@ -1,6 +1,6 @@
 //! Changes of a project as commands, independent of any user interface.
 
-use super::{Data, LookSettings, MapTrack, Output, Project, ProjectError};
+use super::{Data, LookSettings, MapTrack, NamedCamera, Output, Project, ProjectError};
 use crate::camera::Camera;
 use crate::optics::OpticsKind;
 use crate::playback::Settings;
@@ -79,6 +79,32 @@ pub enum Edit {
         from: usize,
         /// Index afterwards.
         to: usize,
+    },
+    /// Inserts a camera with a name.
+    InsertCamera {
+        /// Index of the element.
+        index: usize,
+        /// The new element.
+        camera: NamedCamera,
+    },
+    /// Removes a camera with a name; refused if the look names it.
+    RemoveCamera {
+        /// Index of the element.
+        index: usize,
+    },
+    /// Renames a camera, in the look too.
+    RenameCamera {
+        /// Index of the element.
+        index: usize,
+        /// The new name.
+        name: String,
+    },
+    /// Replaces the view of a camera with a name.
+    SetCamera {
+        /// Index of the element.
+        index: usize,
+        /// The new view.
+        camera: Camera,
     },
     /// Changes how colours blend between two ensembles on the timeline.
     SetTimelineColors(ColorWeighting),
@@ -187,6 +213,20 @@ impl Edit {
                 let member = remove(members, from, "member")?;
                 insert(members, to, member, "place for a member")?;
             }
+            Self::InsertCamera { index, camera } => {
+                insert(&mut project.cameras, index, camera, "place for a camera")?;
+            }
+            Self::RemoveCamera { index } => drop(remove(&mut project.cameras, index, "camera")?),
+            Self::RenameCamera { index, name } => {
+                let old = std::mem::replace(&mut camera_at(project, index)?.name, name.clone());
+                project
+                    .look
+                    .camera
+                    .iter_mut()
+                    .filter(|named| named.trim() == old)
+                    .for_each(|named| named.clone_from(&name));
+            }
+            Self::SetCamera { index, camera } => camera_at(project, index)?.camera = camera,
             Self::SetTimelineColors(colors) => timeline.colors = colors,
             Self::Ensembles(edit) => edit.apply(&mut timeline.ensembles)?,
             Self::Cameras(edit) => edit.apply(&mut timeline.cameras)?,
@@ -246,6 +286,10 @@ fn remove<T>(list: &mut Vec<T>, index: usize, what: &'static str) -> Result<T, P
 
 fn ensemble_at(project: &mut Project, index: usize) -> Result<&mut Ensemble, ProjectError> {
     project.ensembles.get_mut(index).ok_or(ProjectError::NoElement { what: "ensemble", index })
+}
+
+fn camera_at(project: &mut Project, index: usize) -> Result<&mut NamedCamera, ProjectError> {
+    project.cameras.get_mut(index).ok_or(ProjectError::NoElement { what: "camera", index })
 }
 
 /// Renames an ensemble, in the look and on the timeline too.

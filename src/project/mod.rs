@@ -13,9 +13,9 @@ mod tests;
 
 pub use animation::Animation;
 pub use edit::{Edit, TrackEdit};
-pub use settings::{Data, LookSettings, MapTrack, Output, Timeline};
+pub use settings::{Data, LookSettings, MapTrack, NamedCamera, Output, Timeline};
 
-use crate::camera::CameraError;
+use crate::camera::{Camera, CameraError};
 use crate::error::FileError;
 use crate::optics::OpticsKind;
 use crate::pipeline::RenderMode;
@@ -56,6 +56,9 @@ pub struct Project {
     /// Ensembles of transfer functions, told apart by their names.
     #[serde(default)]
     pub ensembles: Vec<Ensemble>,
+    /// Cameras to go back to, told apart by their names.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cameras: Vec<NamedCamera>,
 }
 
 impl Project {
@@ -73,12 +76,27 @@ impl Project {
             output: Output::default(),
             timeline: Timeline::default(),
             ensembles: Vec::new(),
+            cameras: Vec::new(),
         }
     }
 
     /// The ensemble of that name.
     pub fn ensemble(&self, name: &str) -> Option<&Ensemble> {
         self.ensembles.iter().find(|ensemble| ensemble.name == name)
+    }
+
+    /// The camera that a text names, as `--camera` has it; `None` if the text is a camera itself.
+    ///
+    /// # Errors
+    /// If there is no camera of that name.
+    pub fn named_camera(&self, text: &str) -> Result<Option<&Camera>, ProjectError> {
+        if text.contains('=') || text.trim().is_empty() {
+            return Ok(None);
+        }
+        let found = self.cameras.iter().find(|named| named.name == text.trim());
+        let known = || self.cameras.iter().map(|named| named.name.as_str()).collect::<Vec<_>>().join(", ");
+        let missing = || ProjectError::NoCamera { name: text.trim().to_owned(), known: known() };
+        found.map(|named| Some(&named.camera)).ok_or_else(missing)
     }
 
     /// The ensemble that is shown where the timeline has none.
@@ -109,9 +127,7 @@ impl Project {
             self.found(name)?;
         }
         self.check_maps()?;
-        for key in self.timeline.cameras.keys() {
-            key.value.view(1, 1).map_err(|problem| ProjectError::Camera { time: key.time, problem })?;
-        }
+        self.check_cameras()?;
         for lod in self.timeline.lod.keys().iter().map(|key| key.value).chain(self.look.lod) {
             if !(0.0..=1.0).contains(&lod) {
                 return Err(ProjectError::BadLod(lod));
@@ -178,6 +194,23 @@ impl Project {
         Ok(())
     }
 
+    /// Checks the cameras of the timeline, those with names, and that which the look names.
+    fn check_cameras(&self) -> Result<(), ProjectError> {
+        for key in self.timeline.cameras.keys() {
+            key.value.view(1, 1).map_err(|problem| ProjectError::Camera { time: key.time, problem })?;
+        }
+        for (i, NamedCamera { name, camera }) in self.cameras.iter().enumerate() {
+            if name.trim() != name || name.is_empty() || name.contains('=') {
+                return Err(ProjectError::BadCameraName(name.clone()));
+            }
+            if self.cameras.iter().take(i).any(|other| other.name == *name) {
+                return Err(ProjectError::CameraTaken(name.clone()));
+            }
+            camera.view(1, 1).map_err(|problem| ProjectError::NamedCamera { name: name.clone(), problem })?;
+        }
+        self.look.camera.as_deref().map_or(Ok(()), |text| self.named_camera(text).map(drop))
+    }
+
     fn found(&self, name: &str) -> Result<&Ensemble, ProjectError> {
         self.ensemble(name).ok_or_else(|| {
             let known: Vec<&str> = self.ensembles.iter().map(|ensemble| ensemble.name.as_str()).collect();
@@ -211,6 +244,32 @@ pub enum ProjectError {
         name: String,
         /// All names.
         known: String,
+    },
+    /// Two cameras of one name.
+    #[error("there are two cameras '{0}'; names tell them apart")]
+    CameraTaken(String),
+    /// A name that cannot be told from a camera.
+    #[error("'{0}' is no name of a camera: it is not empty, and has no '=' and no spaces at its ends")]
+    BadCameraName(String),
+    /// No camera of that name.
+    #[error("there is no camera '{name}'; {}", if known.is_empty() {
+        "the project names none in [[cameras]]".to_owned()
+    } else {
+        format!("there are: {known}")
+    })]
+    NoCamera {
+        /// The name asked for.
+        name: String,
+        /// All names.
+        known: String,
+    },
+    /// No view through a camera with a name.
+    #[error("the camera '{name}': {problem}")]
+    NamedCamera {
+        /// Its name.
+        name: String,
+        /// What is wrong.
+        problem: CameraError,
     },
     /// No member of that name.
     #[error("the ensemble '{0}' has no member '{1}'")]

@@ -1,12 +1,12 @@
 //! The tables of a project file.
 
 use super::ProjectError;
-use crate::camera::Camera;
+use crate::camera::{Camera, CameraError};
 use crate::field::{FieldSelector, Regions};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode};
 use crate::render::surfaces::{CropBox, Light, Normals};
-use crate::timeline::Keyframed;
+use crate::timeline::{At, Keyframed};
 use crate::transfer::{ColorWeighting, OpacityKind, RangeMap};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -21,6 +21,16 @@ pub struct Data {
     /// The field: `NAME`, `NAME:mag` or `NAME:0`; by default the first of the store.
     #[serde(default, skip_serializing_if = "Option::is_none", with = "as_text")]
     pub field: Option<FieldSelector>,
+}
+
+/// A camera to go back to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub struct NamedCamera {
+    /// Its name: without '='.
+    pub name: String,
+    /// Viewpoint and projection.
+    pub camera: Camera,
 }
 
 /// The look. Settings left out are as for `render`.
@@ -93,7 +103,7 @@ pub struct LookSettings {
     /// Whether pixels whose fragments came out of order stay as they are.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inexact_order: Option<bool>,
-    /// Viewpoint, as `--camera` has it.
+    /// Viewpoint, as `--camera` has it, or the name of a camera.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<String>,
 }
@@ -186,6 +196,24 @@ pub struct Timeline {
 }
 
 impl Timeline {
+    /// The camera at a time; `None` without keys.
+    ///
+    /// # Errors
+    /// If there is no view between two cameras.
+    pub fn camera(&self, time: f64) -> Option<Result<Camera, CameraError>> {
+        Some(match self.cameras.at(time)? {
+            At::One(camera) => Ok(*camera),
+            At::Between { a, b, weight } => Camera::between(a, b, weight),
+        })
+    }
+
+    /// How segments are integrated at a time: as the key before says; `None` without keys.
+    pub fn optics(&self, time: f64) -> Option<OpticsKind> {
+        self.optics.at(time).map(|optics| match optics {
+            At::One(optics) | At::Between { a: optics, .. } => *optics,
+        })
+    }
+
     /// Times that show everything the timeline names: its keys of ensembles and cameras, and the midpoints between two of them.
     pub fn places(&self) -> Vec<f64> {
         let ensembles = times_of(&self.ensembles);

@@ -54,6 +54,9 @@ fn whole() -> Project {
         optics: Some(OpticsKind::Table3d),
         ..Default::default()
     };
+    project.cameras = ["front", "from the left"]
+        .map(|name| NamedCamera { name: name.into(), camera: camera(name.len() as f64) })
+        .into();
     project.output = Output { size: Some("64x48".into()), duration: Some(2.5), ..Default::default() };
     project.playback.frames_per_second = 12.5;
     let cubic = Transition::Cubic { handles: [[0.25, 0.1], [0.3, 1.0]] };
@@ -188,6 +191,11 @@ fn parts_that_do_not_belong_together_are_errors() {
     );
     assert!(broken(|p| p.playback.stride = 0).contains("stride"));
     assert!(broken(|p| p.playback.frames_per_second = 0.0).contains("speed of 0"));
+    assert!(broken(|p| p.cameras[1].name = "front".into()).contains("two cameras 'front'"));
+    assert!(broken(|p| p.cameras[1].name = "x=1".into()).contains("'x=1' is no name"));
+    assert!(broken(|p| p.look.camera = Some("back".into())).contains("'back'; there are: front, from the left"));
+    assert!(broken(|p| (p.cameras, p.look.camera) = (vec![], Some("back".into()))).contains("names none"));
+    assert!(broken(|p| p.cameras[0].camera.near = -1.0).contains("the camera 'front': near"));
     let nowhere = |p: &mut Project| {
         let camera = camera(1.0);
         p.timeline.cameras = keys(vec![key(7.0, Camera { position: camera.focal_point, ..camera })]);
@@ -216,6 +224,7 @@ fn edits() -> impl Strategy<Value = Edit> {
     let time = prop_oneof![Just(0.0), Just(1.0 / 3.0), Just(4.0), -5.0..5.0_f64, Just(f64::NAN)];
     let name = prop_oneof![Just("overview"), Just("detail"), Just("nothing"), Just("gone"), Just("new")];
     let member_name = prop_oneof![Just("all"), Just("sharp"), Just("other")];
+    let camera_name = prop_oneof![Just("front"), Just("back"), Just("from the left"), Just("a=b"), Just("")];
     let new = |name: &str| Box::new(member(name, "inferno"));
     prop_oneof![
         name.clone()
@@ -249,7 +258,21 @@ fn edits() -> impl Strategy<Value = Edit> {
         (time.clone(), -9.0..9.0_f64).prop_map(|(t, value)| Edit::Isovalue(TrackEdit::Insert(key(t, value)))),
         (at.clone(), time)
             .prop_map(|(track, t)| Edit::Maps { track, edit: TrackEdit::Insert(key(t, RangeMap::default())) }),
-        at.prop_map(|index| Edit::RemoveMapTrack { index }),
+        at.clone().prop_map(|index| Edit::RemoveMapTrack { index }),
+        (at.clone(), camera_name.clone()).prop_map(|(index, name)| Edit::InsertCamera {
+            index,
+            camera: NamedCamera { name: name.into(), camera: camera(7.0) }
+        }),
+        (at.clone(), camera_name.clone()).prop_map(|(index, name)| Edit::RenameCamera { index, name: name.into() }),
+        (at.clone(), 0.0..9.0_f64).prop_map(|(index, x)| Edit::SetCamera { index, camera: camera(x) }),
+        at.prop_map(|index| Edit::RemoveCamera { index }),
+        camera_name.prop_map(|name| {
+            Edit::SetLook(Box::new(LookSettings {
+                camera: Some(name.into()),
+                iso: vec!["1".into()],
+                ..Default::default()
+            }))
+        }),
     ]
 }
 
@@ -278,6 +301,18 @@ fn another_name_follows_everywhere() {
     let text = project.to_toml().unwrap();
     assert!(!text.contains("\"overview\"") && !text.contains("\"sharp\""), "{text}");
     assert_eq!(text.matches("\"first\"").count(), 5, "its own, the look's, two keys', a track's");
+}
+
+#[test]
+fn a_camera_is_found_by_its_name_which_the_look_follows() {
+    let mut project = whole();
+    project.look.camera = Some("front".into());
+    Edit::RenameCamera { index: 0, name: "ahead".into() }.apply(&mut project).unwrap();
+    assert_eq!(project.look.camera.as_deref(), Some("ahead"));
+    assert_eq!(project.named_camera("ahead").unwrap(), Some(&camera(5.0)));
+    assert_eq!(project.named_camera("angle=20").unwrap(), None);
+    assert!(Edit::RemoveCamera { index: 0 }.apply(&mut project).is_err(), "the look names it");
+    assert!(project.named_camera("front").unwrap_err().to_string().contains("there are: ahead, from the left"));
 }
 
 #[test]

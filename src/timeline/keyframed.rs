@@ -41,6 +41,16 @@ pub enum At<'a, T> {
     },
 }
 
+impl<'a, T> At<'a, T> {
+    /// The value that weighs more, of equal ones the first.
+    pub fn nearer(self) -> &'a T {
+        match self {
+            Self::Between { b, weight, .. } if weight > 0.5 => b,
+            Self::One(value) | Self::Between { a: value, .. } => value,
+        }
+    }
+}
+
 impl<T> Default for Keyframed<T> {
     fn default() -> Self {
         Self { keys: Vec::new() }
@@ -164,6 +174,16 @@ impl<T> Keyframed<T> {
         let at = self.keys.partition_point(|k| k.time < time);
         self.keys.insert(at, key);
         Ok(at)
+    }
+}
+
+impl Keyframed<f64> {
+    /// The number at a time, linear in the weight between two keys; `None` without keys.
+    pub fn number(&self, time: f64) -> Option<f64> {
+        Some(match self.at(time)? {
+            At::One(number) => *number,
+            At::Between { a, b, weight } => a * (1.0 - weight) + b * weight,
+        })
     }
 }
 

@@ -5,11 +5,12 @@ use crate::camera::Axis;
 use crate::field::FieldSelector;
 use crate::look::EnsembleChoice;
 use crate::optics::OpticsKind;
-use crate::pipeline::{Backend, RenderMode, SurfaceLook};
+use crate::pipeline::{Backend, RenderMode, Sampling, SurfaceLook};
 use crate::playback::Command;
 use crate::playback::quality::Family;
 use crate::project::Edit;
 use crate::transfer::{ColorMap, OpacityKind, OpacityPoint, RangePolicy};
+use crate::ui::tracks::KeyAction;
 use glam::DVec2;
 use std::path::PathBuf;
 
@@ -63,6 +64,8 @@ pub enum Action {
     },
     /// Switches between parallel and perspective projection.
     OtherProjection,
+    /// Looks through the named camera of this index, from 0.
+    GoToCamera(usize),
     /// Shows ensembles of the project, or those of its timeline again and with them its levels of detail and optics.
     Ensembles(EnsembleChoice),
     /// Sets whether the camera follows the project's path.
@@ -71,6 +74,8 @@ pub enum Action {
     Field(FieldSelector),
     /// Changes the project.
     Edit(Box<Edit>),
+    /// Selects or changes keys of the timeline.
+    Keys(KeyAction),
     /// Undoes the last change of what is shown.
     Undo,
     /// Does the change again that was undone last.
@@ -118,6 +123,8 @@ pub enum Action {
     Renderer(RenderMode),
     /// Sets the share of interior faces to draw, 0 to 1, for face renderers.
     LevelOfDetail(f64),
+    /// Sets which faces are drawn, for face renderers.
+    Sampling(Sampling),
     /// Sets how segments of a ray are integrated.
     Optics(OpticsKind),
     /// Sets isosurfaces, their light, and whether the volume is shown.
@@ -130,6 +137,10 @@ pub enum Action {
     MoveCut(DVec2),
     /// Sets the target frame rate while something moves; `None`: all frames are drawn in full.
     TargetRate(Option<f64>),
+    /// Draws less while something moves: the target frame rate is a notch higher.
+    LessQuality,
+    /// Draws more while something moves: the target frame rate is a notch lower, or all frames are drawn in full.
+    MoreQuality,
     /// Sets the family of lower qualities for that; `None`: the one with the least error.
     GiveUp(Option<Family>),
     /// Sets pixels of the image per pixel of the screen, along a side.

@@ -173,16 +173,7 @@ impl Document {
         let project = &self.project;
         let name = match choice {
             EnsembleChoice::One(index) => return index.min(project.ensembles.len().saturating_sub(1)),
-            EnsembleChoice::Project => at.and_then(|at| project.timeline.ensembles.at(at)).map(|shown| match shown {
-                At::One(name) => name,
-                At::Between { a, b, weight } => {
-                    if weight > 0.5 {
-                        b
-                    } else {
-                        a
-                    }
-                }
-            }),
+            EnsembleChoice::Project => at.and_then(|at| project.timeline.ensembles.at(at)).map(At::nearer),
         };
         let name = name.or_else(|| project.shown_without_keys().map(|ensemble| &ensemble.name));
         project.ensembles.iter().position(|ensemble| Some(&ensemble.name) == name).unwrap_or(0)

@@ -5,6 +5,7 @@ use super::exporting::ExportAction;
 use crate::camera::Axis;
 use crate::look::EnsembleChoice;
 use crate::playback::Command;
+use crate::ui::tracks::KeyAction;
 
 /// One line of the table.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,6 +51,8 @@ pub fn bindings() -> Vec<Binding> {
         plain("I", Action::RangeFromHere, "play from here or up to here only"),
         plain("O", Action::RangeToHere, "play from here or up to here only"),
         plain("A", Action::ToggleDropping, "real time, dropping frames, or every step"),
+        plain("D", Action::LessQuality, QUALITY_HELP),
+        plain("E", Action::MoreQuality, QUALITY_HELP),
         plain("R", Action::ResetView, "the whole mesh again"),
         plain("X", along(Axis::X, false), axes),
         plain("Y", along(Axis::Y, false), axes),
@@ -68,6 +71,9 @@ pub fn bindings() -> Vec<Binding> {
         plain("C", Action::CameraPath(true), "the project's camera path again"),
         ctrl("Z", false, Action::Undo, "undo a change of what is shown"),
         ctrl("Z", true, Action::Redo, "do it again"),
+        plain("Delete", Action::Keys(KeyAction::Remove), "remove the selected key of the timeline"),
+        ctrl("C", false, Action::Keys(KeyAction::Copy), "copy it"),
+        ctrl("V", false, Action::Keys(KeyAction::Paste), "insert the copy at the moment shown"),
         ctrl("S", false, Action::SaveProject { to: None, may_replace: false }, "save the project"),
         ctrl("E", false, Action::Export(ExportAction::Dialog), "export images or a movie"),
         plain("S", Action::Screenshot, "save the picture as a PNG file here"),
@@ -78,6 +84,8 @@ pub fn bindings() -> Vec<Binding> {
     ]);
     all
 }
+
+const QUALITY_HELP: &str = "less or more quality while something moves";
 
 const ISOVALUE_HELP: &str = "the isovalue a hundredth of the range down or up";
 

@@ -78,8 +78,10 @@ pub(crate) mod session_tests;
 pub mod settings;
 pub mod shapes;
 mod still;
+pub mod strip;
 pub mod survey;
 pub mod thumbnails;
+pub mod tracks;
 #[cfg(feature = "gui")]
 pub mod window;
 mod worker;

@@ -5,6 +5,7 @@ mod export;
 mod insight;
 mod quality;
 mod tick;
+mod tracks;
 
 use super::document::Document;
 use super::exporting::Exports;
@@ -16,6 +17,7 @@ use super::motion::{Drawing, MotionError};
 use super::notice::{self, Notice, NoticeKind};
 use super::project_worker::ProjectWorker;
 use super::requests::Requests;
+use super::tracks::KeyChoice;
 use crate::camera::Camera;
 use crate::look::{Look, mapped_range};
 use crate::pipeline::{FrameRequest, KeyedSurfaces, Series, SharedFrame, SurfaceLook};
@@ -102,6 +104,7 @@ pub struct Session {
     gestures: u64,
     /// Index of the member that is edited, in each ensemble.
     member: usize,
+    keys: KeyChoice,
     requests: Requests,
     /// Requests of thumbnails.
     previews: Requests,
@@ -174,6 +177,7 @@ impl Session {
             gesture: None,
             gestures: 0,
             member: 0,
+            keys: KeyChoice::default(),
             requests: requests()?,
             previews: requests()?,
             asked: None,

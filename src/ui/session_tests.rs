@@ -4,8 +4,11 @@ use super::*;
 use crate::camera::{Axis, Camera, Projection};
 use crate::ingest::{IngestOptions, ingest};
 use crate::look::Look;
+use crate::optics::OpticsKind;
 use crate::pipeline::test_series::{Log, logged};
-use crate::pipeline::{Backend, FrameTime, Pipeline, Pipelined, PipelinedOptions, RenderMode, SampleSet, Series};
+use crate::pipeline::{
+    Backend, FrameTime, Pipeline, Pipelined, PipelinedOptions, RenderMode, SampleSet, Sampling, Series,
+};
 use crate::playback::quality::{Family, Quality};
 use crate::playback::{Clock, Command, Direction, Loop, Mode, Player, StepRange};
 use crate::project::Project;
@@ -255,6 +258,7 @@ fn while_the_camera_moves_less_is_drawn_if_it_is_slow_and_all_of_it_afterwards()
             Quality::Faces(level) => assert_eq!((shown.request.lod(), level < 0.5), (level, true)),
             Quality::Exact | Quality::Details => panic!("{family:?}: all of it"),
         }
+        assert_ne!(desk.session.drawn(), "exact");
         let (_, wait) = desk.session.tick(desk.now);
         desk.now += wait.expect("to be called when the camera is still");
         assert!(desk.settle() > 0);
@@ -279,6 +283,40 @@ fn while_the_camera_moves_less_is_drawn_if_it_is_slow_and_all_of_it_afterwards()
     assert_eq!(desk.session.target_fps(), Some(25.0));
     desk.act(Action::TargetRate(Some(1e9)));
     assert_eq!(desk.session.target_fps(), Some(*TARGET_FPS.end()));
+}
+
+#[test]
+fn keys_change_the_quality_by_notches_and_what_is_drawn_is_said() {
+    let mut desk = Desk::open();
+    assert_eq!(desk.session.drawn(), "nothing yet");
+    desk.settle();
+    assert_eq!(desk.session.drawn(), "exact");
+    let press = |desk: &mut Desk, key: &str| {
+        desk.act(super::keys::action(key, [false; 2]).unwrap());
+        desk.session.target_fps()
+    };
+    assert_eq!(press(&mut desk, "E"), None, "all is drawn");
+    assert_eq!((press(&mut desk, "D"), press(&mut desk, "D")), (Some(1.0), Some(2.0)));
+    desk.act(Action::TargetRate(Some(30.0)));
+    assert_eq!(
+        (press(&mut desk, "D"), press(&mut desk, "E"), press(&mut desk, "E")),
+        (Some(40.0), Some(25.0), Some(15.0))
+    );
+    let most = (0..20).map(|_| press(&mut desk, "D")).last().unwrap();
+    assert_eq!(most, Some(*TARGET_FPS.end()));
+    assert_eq!((0..20).map(|_| press(&mut desk, "E")).last().unwrap(), None);
+    desk.act(Action::Renderer(RenderMode::Havs));
+    desk.act(Action::LevelOfDetail(0.25));
+    desk.settle();
+    assert_eq!((desk.session.drawn().as_str(), desk.session.lacks()), ("faces: 25 %", None));
+    desk.act(Action::LevelOfDetail(1.0));
+    desk.act(Action::Optics(OpticsKind::Partial));
+    desk.settle();
+    assert_eq!(desk.session.drawn(), "all drawn");
+    desk.act(Action::Optics(OpticsKind::Exact));
+    let changes = desk.session.changes().0;
+    desk.act(Action::Sampling(Sampling::Random));
+    assert_eq!((desk.session.look().faces.sampling, desk.session.changes().0), (Sampling::Random, changes + 1));
 }
 
 /// A frame on the GPU of the window has no pixels on the CPU, which does not make it transparent.

@@ -25,14 +25,22 @@ pub struct StepSurvey {
     pub summary: StepSummary,
     /// Mean of the finite values of all vertices, each counted once; NaN if there is none.
     pub mean: f64,
+    /// Numbers of values in [`STEP_BINS`] equal parts of the range of the series.
+    pub counts: Vec<u64>,
 }
 
+/// Number of bins of one step.
+pub const STEP_BINS: usize = 64;
+
 impl StepSurvey {
-    fn of(values: &[f32]) -> Self {
+    fn of(values: &[f32], range: Option<[f32; 2]>) -> Self {
+        let mut counted = Histogram1d::over(Bins::new(range, AxisScale::Linear, STEP_BINS));
+        counted.add(values);
+        let counts = counted.counts().to_vec();
         let summary = StepSummary::of(values);
         // Summed in a fixed order, and far from overflow: no sum of f32 leaves the range of f64.
         let sum: f64 = values.iter().filter(|v| v.is_finite()).map(|&v| f64::from(v)).sum();
-        Self { summary, mean: sum / (values.len() as u64 - summary.nonfinite) as f64 }
+        Self { summary, mean: sum / (values.len() as u64 - summary.nonfinite) as f64, counts }
     }
 }
 
@@ -138,7 +146,7 @@ fn look(series: &Arc<Series>, gate: &Gate, cancel: &Cancel, show: &dyn Fn(Arc<Su
         match apart.decode_step(step, &mut values, cancel) {
             Ok(true) => {
                 known.histogram.add(&values);
-                known.steps[step] = Some(Arc::new(StepSurvey::of(&values)));
+                known.steps[step] = Some(Arc::new(StepSurvey::of(&values, series.field().range)));
             }
             Ok(false) => return,
             Err(error) => {
@@ -185,8 +193,13 @@ mod tests {
             assert_eq!(found.summary, StepSummary::of(&values));
             let mean = values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len() as f64;
             assert_eq!(found.mean, mean);
+            let sum: u64 = found.counts.iter().sum();
+            assert_eq!((found.counts.len(), sum), (STEP_BINS, series.scalar_count() as u64));
             all.add(&values);
         }
+        let of_bin = |bin: usize| known.steps.iter().flatten().map(|step| step.counts[bin]).sum::<u64>();
+        let fine = all.counts().chunks(BINS / STEP_BINS).map(|bins| bins.iter().sum::<u64>());
+        assert!(fine.enumerate().all(|(bin, sum)| of_bin(bin) == sum));
         assert_eq!(known.histogram, all);
         assert_eq!(all.finite(), 4 * series.scalar_count() as u64);
         assert_ne!(known.steps[0], known.steps[3], "the test can fail");
@@ -194,11 +207,12 @@ mod tests {
 
     #[test]
     fn holes_are_counted_apart_and_a_step_of_holes_has_no_mean() {
-        let survey = StepSurvey::of(&[1.0, f32::NAN, 3.0, f32::INFINITY]);
+        let survey = StepSurvey::of(&[1.0, f32::NAN, 3.0, f32::INFINITY], Some([1.0, 3.0]));
         assert_eq!((survey.mean, survey.summary.nonfinite), (2.0, 2));
-        let holes = StepSurvey::of(&[f32::NAN; 3]);
+        assert_eq!((survey.counts[0], survey.counts[STEP_BINS - 1], survey.counts.iter().sum::<u64>()), (1, 1, 2));
+        let holes = StepSurvey::of(&[f32::NAN; 3], None);
         assert!(holes.mean.is_nan() && holes.summary.range.is_none());
-        let wide = StepSurvey::of(&[f32::MAX; 1000]);
+        let wide = StepSurvey::of(&[f32::MAX; 1000], Some([f32::MAX; 2]));
         assert_eq!(wide.mean, f64::from(f32::MAX));
     }
 

@@ -1,13 +1,13 @@
 //! Applies user actions to a session.
 
-use super::quality::SETTLE;
+use super::quality::{SETTLE, less_quality, more_quality};
 use super::{IMAGE_SCALES, Session, TARGET_FPS};
 use crate::camera::{Camera, CameraError};
 use crate::files;
-use crate::look::{EnsembleChoice, Followed, Look};
-use crate::pipeline::{FrameTime, Shown};
+use crate::look::{EnsembleChoice, Followed};
+use crate::pipeline::FrameTime;
 use crate::playback::{Command, Loop, Mode, State, StepRange};
-use crate::project::{Data, Edit, LookSettings, Project, Timeline, is_project};
+use crate::project::{Data, Edit, Project, Timeline, is_project};
 use crate::transfer::{
     ColorMap, ColorMapEntry, FirstLook, Function, Member, OpacityValues, PositionKind, TransferError, TransferFunction,
     color_maps_to_json,
@@ -68,6 +68,11 @@ impl Session {
                 self.change_camera(|camera| camera.along(axis, from_positive));
             }
             Action::OtherProjection => self.change_camera(Camera::with_other_projection),
+            Action::GoToCamera(index) => {
+                if let Some(camera) = self.project().cameras.get(index).map(|named| named.camera) {
+                    self.change_camera(|_| Ok(camera));
+                }
+            }
             Action::Ensembles(choice) => self.choose_ensembles(choice),
             Action::CameraPath(follows) => {
                 self.look.camera = self.camera();
@@ -95,6 +100,7 @@ impl Session {
             }
             Action::Range(range) => self.edit_member(|member| member.range = range),
             Action::Edit(edit) => self.edit(*edit),
+            Action::Keys(action) => self.act_on_keys(action, now),
             Action::Undo => self.document.undo(&mut self.look),
             Action::Redo => self.document.redo(&mut self.look),
             Action::SaveProject { to, may_replace } => self.save_project(to, may_replace),
@@ -135,10 +141,13 @@ impl Session {
                 self.look.faces.lod = lod.clamp(0.0, 1.0);
                 self.leave(|followed| followed.lod = false);
             }
+            Action::Sampling(sampling) => self.look.faces.sampling = sampling,
             Action::TargetRate(Some(fps)) if fps.is_nan() => {}
             Action::TargetRate(fps) => {
                 self.target_fps = fps.map(|fps| fps.clamp(*TARGET_FPS.start(), *TARGET_FPS.end()));
             }
+            Action::LessQuality => self.target_fps = less_quality(self.target_fps),
+            Action::MoreQuality => self.target_fps = more_quality(self.target_fps),
             Action::GiveUp(family) => self.family = family,
             Action::ImageScale(scale) => {
                 self.image_scale = scale.clamp(*IMAGE_SCALES.start(), *IMAGE_SCALES.end());
@@ -173,7 +182,7 @@ impl Session {
         }
     }
 
-    fn command(&mut self, command: Command, now: Duration) {
+    pub(super) fn command(&mut self, command: Command, now: Duration) {
         let before = self.state().frame;
         if let Err(error) = self.player.apply(command, now) {
             self.fail(error.to_string());
@@ -270,7 +279,7 @@ impl Session {
     }
 
     /// Applies a change of the project, or says why that cannot be.
-    fn edit(&mut self, edit: Edit) {
+    pub(super) fn edit(&mut self, edit: Edit) {
         let mut project = Project::clone(self.document.project());
         match edit.apply(&mut project) {
             Ok(()) => self.document.set_project(project),
@@ -300,25 +309,8 @@ impl Session {
         let folder = files::parent_of(file);
         // A source beside the file, or below, may move with it.
         let source = self.source.strip_prefix(folder).unwrap_or(&self.source).to_owned();
-        let ensemble = match self.look.followed.ensembles {
-            EnsembleChoice::One(index) => project.ensembles.get(index).map(|ensemble| ensemble.name.clone()),
-            EnsembleChoice::Project => project.look.ensemble.clone(),
-        };
-        let mut shown = Look { camera: self.camera(), ..self.look.clone() };
-        let timeline = &project.timeline;
-        if shown.surfaces.shown == Shown::Volume
-            && !(timeline.isovalue.keys().is_empty() && timeline.iso_opacity.keys().is_empty())
-        {
-            // The keys are of a surface, which is hidden at the moment.
-            shown.surfaces.shown = Shown::Both;
-        }
-        let usual = Look::default_for(self.series(), self.look.tf.clone()).unwrap_or_else(|_| shown.clone());
-        Project {
-            data: Data { source, ..project.data },
-            look: LookSettings::of(&shown, &usual, ensemble),
-            playback: self.state().settings,
-            ..project
-        }
+        let look = self.look_settings(&project, false);
+        Project { data: Data { source, ..project.data }, look, playback: self.state().settings, ..project }
     }
 
     /// Turns to another field: a window that was opened without a project has its automatic colours, unless the user chose others. No change from
@@ -348,7 +340,10 @@ impl Session {
         let followed = &mut self.look.followed;
         match choice {
             EnsembleChoice::One(index) if index >= count || count == 1 => {}
-            EnsembleChoice::Project => *followed = Followed { camera: followed.camera, ..Followed::default() },
+            EnsembleChoice::Project => {
+                *followed = Followed { camera: followed.camera, ..Followed::default() };
+                self.put_cut_back();
+            }
             EnsembleChoice::One(_) => followed.ensembles = choice,
         }
     }

@@ -81,7 +81,7 @@ impl Session {
     }
 
     fn start_export(&mut self) -> Result<(), String> {
-        let (moment, series) = (self.moment(), self.series().clone());
+        let (moment, series) = (self.frame_time(), self.series().clone());
         let planned = self.exports.plan(moment, series.times()).ok_or("the dialog of exports has not been open")?;
         let options = planned.as_ref().map_err(Clone::clone)?.0.clone();
         // What a project file may not have, a render refuses.
@@ -94,7 +94,7 @@ impl Session {
     }
 
     /// The time on the screen, or the next one that will be.
-    fn moment(&self) -> Option<FrameTime> {
+    fn frame_time(&self) -> Option<FrameTime> {
         self.shown.as_ref().map(|shown| shown.request.time).or(self.state().frame)
     }
 
@@ -133,7 +133,7 @@ impl Session {
             look: self.look.clone(),
             background: choices.background.map_or(behind, color),
             choices,
-            moment: self.moment(),
+            moment: self.frame_time(),
         };
         if let Some(options) = self.exports.options_of_preview(&of) {
             let job = self.export_job(options);
@@ -143,7 +143,7 @@ impl Session {
 
     /// The command line that exports the same; `None` if the choices are none that can be exported.
     pub fn export_command(&mut self) -> Option<ExportCommand> {
-        let (moment, series) = (self.moment(), self.series().clone());
+        let (moment, series) = (self.frame_time(), self.series().clone());
         let options = self.exports.plan(moment, series.times())?.as_ref().ok()?.0.clone();
         let choices = self.exports.choices()?;
         let (of_run, mut notes) = exporting::options_of(choices, &options, &self.project().output).ok()?;

@@ -2,7 +2,8 @@
 
 use super::{Session, Shown};
 use crate::image::RgbaImage;
-use crate::pipeline::FrameRequest;
+use crate::optics::OpticsKind;
+use crate::pipeline::{FrameRequest, RenderMode};
 use crate::playback::State;
 use crate::playback::quality::Quality;
 use crate::render::Contrast;
@@ -18,6 +19,20 @@ pub const DEFAULT_TARGET_FPS: f64 = 25.0;
 
 /// Valid target frame rates.
 pub const TARGET_FPS: std::ops::RangeInclusive<f64> = 1.0..=120.0;
+
+/// Notches of the target frame rate, for keys.
+const NOTCHES: [f64; 9] = [1.0, 2.0, 5.0, 10.0, 15.0, 25.0, 40.0, 60.0, 120.0];
+
+/// The target frame rate a notch higher: less is drawn.
+pub(super) fn less_quality(fps: Option<f64>) -> Option<f64> {
+    let now = fps.unwrap_or(0.0);
+    NOTCHES.into_iter().find(|notch| *notch > now).or(fps)
+}
+
+/// The target frame rate a notch lower: more is drawn; `None`: all.
+pub(super) fn more_quality(fps: Option<f64>) -> Option<f64> {
+    NOTCHES.into_iter().rev().find(|notch| Some(*notch) < fps)
+}
 
 /// Contrasts of the previews of an image in full, if that takes longer than [`PREVIEWED_MS`].
 const PREVIEWS: [f32; 2] = [0.1, 0.02];
@@ -77,6 +92,23 @@ impl Session {
                 Some(format!("fewer faces: {} %", Short(100.0 * level)))
             }
             Quality::Faces(_) | Quality::Exact => None,
+        }
+    }
+
+    /// How much the picture on the screen has, as a short text: `exact` if all is drawn, with exact optics.
+    pub fn drawn(&self) -> String {
+        let Some(shown) = &self.shown else { return "nothing yet".to_owned() };
+        match shown.quality {
+            Quality::Rays(contrast) => format!("rays: contrast {contrast}"),
+            Quality::Scaled(share) => format!("pixels: {:.0} %", 100.0 * share),
+            Quality::Details => "details".to_owned(),
+            Quality::Faces(level) if level < 1.0 => format!("faces: {} %", Short((1e3 * level).round() / 10.0)),
+            Quality::Faces(_) | Quality::Exact => {
+                let optics =
+                    shown.request.tets().map(|tets| tets.optics).filter(|_| self.look.mode != RenderMode::Reference);
+                let is_exact = optics.is_none_or(|optics| optics == OpticsKind::Exact);
+                if is_exact { "exact" } else { "all drawn" }.to_owned()
+            }
         }
     }
 

@@ -55,6 +55,10 @@ impl ExportDialog {
         let mut choices = before.clone();
         let escapes =
             !Popup::is_any_open(ctx) && ctx.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Escape));
+        if escapes {
+            // The key closes the dialog alone.
+            actions.retain(|action| *action != Action::Close);
+        }
         let room = ctx.content_rect().shrink(MARGIN);
         let lines = if exports.progress().is_some() { LINE } else { 0.0 };
         let messages = if session.notices().is_empty() { 0.0 } else { MESSAGES };

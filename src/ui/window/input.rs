@@ -2,6 +2,7 @@
 
 use crate::ui::Action;
 use crate::ui::keys;
+use crate::ui::tracks::KeyAction;
 use eframe::egui;
 
 /// Actions of newly pressed keys, unless a widget or a menu has the focus.
@@ -19,15 +20,37 @@ pub(super) fn pressed(ctx: &egui::Context) -> Vec<Action> {
                 let ctrl = modifiers.ctrl || modifiers.command;
                 actions.extend(keys::action(key, [ctrl, shift]).filter(|action| !repeat || repeats(action)));
             }
+            // The system's keys for these come as events of their own.
+            match event {
+                egui::Event::Copy => actions.extend(keys::action("C", [true, false])),
+                egui::Event::Paste(_) => actions.extend(keys::action("V", [true, false])),
+                _ => {}
+            }
         }
     });
+    if actions.contains(&Action::Keys(KeyAction::Copy)) {
+        // Without a text on the clipboard nothing is pasted.
+        ctx.copy_text(CLIPBOARD.to_owned());
+    }
     actions
 }
+
+/// What the clipboard has while a key of the timeline is copied.
+const CLIPBOARD: &str = "a key of tetreel's timeline";
 
 /// Whether the action repeats while its key is held.
 fn repeats(action: &Action) -> bool {
     use crate::playback::Command;
-    matches!(action, Action::Play(Command::Step(_)) | Action::Faster | Action::Slower | Action::Undo | Action::Redo)
+    matches!(
+        action,
+        Action::Play(Command::Step(_))
+            | Action::Faster
+            | Action::Slower
+            | Action::LessQuality
+            | Action::MoreQuality
+            | Action::Undo
+            | Action::Redo
+    )
 }
 
 /// The table's key for a key of egui, and whether shift counts for it.

@@ -2,11 +2,13 @@
 
 mod axes;
 mod blit;
+mod cameras;
 mod editor;
 mod export;
 mod files;
 mod function_file;
 mod input;
+mod key_boxes;
 mod members;
 mod overlay;
 mod painted;
@@ -14,6 +16,7 @@ mod point;
 mod popups;
 mod preview;
 mod project;
+mod quality;
 mod region_surfaces;
 mod regions;
 mod run;
@@ -23,6 +26,7 @@ mod statistics;
 mod strip;
 mod surfaces;
 mod timeline;
+mod tracks;
 mod unsaved;
 mod viewport;
 mod waker;
@@ -156,7 +160,7 @@ pub struct PlayerWindow {
     waker: Waker,
     gpu: WindowGpu,
     side: side::Side,
-    preview: preview::Preview,
+    timeline: timeline::Pictures,
     overlays: overlay::Overlays,
     export: export::ExportDialog,
     path_box: PathBox,
@@ -199,7 +203,7 @@ impl PlayerWindow {
             waker,
             gpu,
             side: Default::default(),
-            preview: Default::default(),
+            timeline: Default::default(),
             overlays: Default::default(),
             export: Default::default(),
             path_box: Default::default(),
@@ -476,7 +480,7 @@ impl PlayerWindow {
         popups::notices(ui, session, &mut actions);
         let shows_side = &mut self.keeper.settings_mut().shows_side;
         egui::Panel::bottom("timeline").frame(panel).show(ui, |ui| {
-            timeline::show(ui, session, shows_side, &mut self.preview, &mut actions);
+            timeline::show(ui, session, shows_side, &mut self.timeline, &mut actions);
         });
         if *shows_side {
             let side = egui::Panel::right("side").frame(panel).default_size(side::WIDTH).min_size(side::WIDTH);

@@ -1,20 +1,20 @@
 //! The side panel: controls of data and look.
 
+use super::cameras::CameraMenu;
 use super::editor::Editor;
 use super::function_file::FunctionMenu;
 use super::members::Members;
 use super::overlay::{self, Overlays, horizontal_strip};
 use super::project::{self, ProjectMenu};
 use super::welcome::{self, PathBox, Wish};
-use super::widgets::{chosen, color_button, labelled, number, within_width};
+use super::widgets::{chosen, color_button, number, within_width};
 use super::{point, statistics, surfaces};
 use crate::camera::{Axis, Projection};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode};
-use crate::playback::quality::Family;
 use crate::transfer::{ColorMap, MappedRange, OpacityKind, RangePolicy, Space};
 use crate::ui::settings::RecentFile;
-use crate::ui::{Action, IMAGE_SCALES, Session, TARGET_FPS};
+use crate::ui::{Action, IMAGE_SCALES, Session};
 use eframe::egui;
 use egui::containers::menu::{MenuButton, MenuConfig};
 use egui::{CollapsingHeader, DragValue, Role, Sense, Ui, WidgetInfo, vec2};
@@ -29,6 +29,7 @@ pub(super) struct Side {
     function: FunctionMenu,
     members: Members,
     project: ProjectMenu,
+    cameras: CameraMenu,
 }
 
 impl Side {
@@ -78,7 +79,7 @@ impl Side {
                 });
                 section(ui, "Surfaces", &mut |ui| surfaces::show(ui, session, actions));
                 section(ui, "Point", &mut |ui| point::show(ui, session, actions));
-                section(ui, "View", &mut |ui| view(ui, session, overlays, actions));
+                section(ui, "View", &mut |ui| view(ui, session, (overlays, &mut self.cameras), actions));
                 section(ui, "Picture", &mut |ui| picture(ui, session, actions));
                 section(ui, "Statistics", &mut |ui| statistics::show(ui, session));
             })
@@ -121,6 +122,13 @@ fn field(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
         response.on_hover_text(format!("Notes of the import:\n{}", notes.join("\n")));
     }
 }
+
+/// Kinds of optics, with their texts.
+pub(super) const OPTICS: [(OpticsKind, &str); 3] = [
+    (OpticsKind::Exact, "exact optics"),
+    (OpticsKind::Partial, "partial pre-integration"),
+    (OpticsKind::Table3d, "pre-integrated table"),
+];
 
 fn colors(ui: &mut Ui, session: &Session, menu: &mut FunctionMenu, actions: &mut Vec<Action>) {
     match session.function() {
@@ -238,10 +246,18 @@ fn range_of_colors(
     }
 }
 
-fn view(ui: &mut Ui, session: &Session, overlays: &mut Overlays, actions: &mut Vec<Action>) {
-    if ui.button("Whole mesh").on_hover_text("R").clicked() {
-        actions.push(Action::ResetView);
-    }
+fn view(
+    ui: &mut Ui,
+    session: &Session,
+    (overlays, cameras): (&mut Overlays, &mut CameraMenu),
+    actions: &mut Vec<Action>,
+) {
+    ui.horizontal(|ui| {
+        if ui.button("Whole mesh").on_hover_text("R").clicked() {
+            actions.push(Action::ResetView);
+        }
+        cameras.show(ui, session, actions);
+    });
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         for (axis, name) in [(Axis::X, "x"), (Axis::Y, "y"), (Axis::Z, "z")] {
@@ -282,64 +298,12 @@ fn picture(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     }
     let backends = [(Backend::Auto, "GPU if there is one"), (Backend::Cpu, "CPU"), (Backend::Gpu, "GPU")];
     actions.extend(chosen(ui, "Backend", session.look().backend, &backends).map(Action::Backend));
-    let mode = session.look().mode;
     let modes = [
         (RenderMode::Auto, "best renderer"),
         (RenderMode::Raycast, "ray caster"),
         (RenderMode::Havs, "faces"),
         (RenderMode::Reference, "reference (float64, slow)"),
     ];
-    actions.extend(chosen(ui, "Renderer", mode, &modes).map(Action::Renderer));
-    let kinds = [
-        (OpticsKind::Exact, "exact optics"),
-        (OpticsKind::Partial, "partial pre-integration"),
-        (OpticsKind::Table3d, "pre-integrated table"),
-    ];
-    actions.extend(chosen(ui, "Optics", session.look().optics, &kinds).map(Action::Optics));
-    rate(ui, session, actions);
-    let has_levels = matches!(mode, RenderMode::Auto | RenderMode::Havs);
-    let before = if has_levels { 100.0 * session.look().faces.lod } else { 100.0 };
-    let mut percent = before;
-    ui.horizontal(|ui| {
-        let value = DragValue::new(&mut percent).range(0.0..=100.0).speed(0.5).max_decimals(1).suffix(" %");
-        labelled(ui.add_enabled(has_levels, value), "Level of detail")
-            .on_disabled_hover_text("This renderer always draws all cells");
-        ui.label("level of detail").on_hover_text("The share of the faces inside the volume that is drawn at most");
-    });
-    if percent != before {
-        actions.push(Action::LevelOfDetail(percent / 100.0));
-    }
+    actions.extend(chosen(ui, "Renderer", session.look().mode, &modes).map(Action::Renderer));
+    actions.extend(chosen(ui, "Optics", session.look().optics, &OPTICS).map(Action::Optics));
 }
-
-/// Quality given up for a frame rate, and the rate: from always exact pictures to fast ones.
-fn rate(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
-    let before = session.target_fps().unwrap_or(0.0);
-    let mut fps = before;
-    ui.horizontal(|ui| {
-        ui.spacing_mut().slider_width = SLIDER;
-        let text = |fps: f64, _| if fps < *TARGET_FPS.start() { "exact".to_owned() } else { format!("{fps:.0} fps") };
-        let number = |text: &str| match text.trim() {
-            "exact" => Some(0.0),
-            text => text.trim_end_matches("fps").trim().parse().ok(),
-        };
-        let slider = egui::Slider::new(&mut fps, 0.0..=*TARGET_FPS.end()).logarithmic(true);
-        let slider = slider.smallest_positive(*TARGET_FPS.start()).custom_formatter(text).custom_parser(number);
-        labelled(ui.add(slider), "While moving")
-            .on_hover_text("Frames per second while something moves; at rest all is drawn");
-        ui.label("moving");
-    });
-    if fps != before {
-        actions.push(Action::TargetRate((fps >= *TARGET_FPS.start()).then_some(fps)));
-    }
-    let families = [
-        (None, "by what costs least"),
-        (Some(Family::Rays), "by fewer rays"),
-        (Some(Family::Scaled), "by smaller images"),
-        (Some(Family::Details), "by details of earlier steps"),
-        (Some(Family::Faces), "by fewer faces"),
-    ];
-    actions.extend(chosen(ui, "Faster", session.family(), &families).map(Action::GiveUp));
-}
-
-/// Width of the slider of the rate in points.
-const SLIDER: f32 = 84.0;

@@ -1,9 +1,11 @@
-//! The values of each step below the timeline: least, mean and greatest.
+//! The values of each step below the timeline: least, mean and greatest, before an image of the histogram of each step.
 
 use crate::ui::Session;
-use crate::ui::survey::Surveyed;
+use crate::ui::strip::StripImage;
+use crate::ui::survey::{STEP_BINS, Surveyed};
 use eframe::egui;
-use egui::{Color32, Mesh, Pos2, Rangef, Rect, Shape, Stroke, Ui, pos2};
+use egui::{Color32, ColorImage, Mesh, Pos2, Rangef, Rect, Shape, Stroke, TextureHandle, TextureOptions, Ui, pos2};
+use std::sync::Arc;
 
 /// Height of the strip in points.
 pub(super) const HEIGHT: f32 = 30.0;
@@ -16,13 +18,50 @@ struct Column {
     mean: Option<f64>,
 }
 
+/// The image: not made again before there is another survey.
+#[derive(Default)]
+pub(super) struct Strip {
+    made: Option<Made>,
+}
+
+/// An image on the GPU, and its survey; without steps there is no image.
+struct Made {
+    survey: Arc<Surveyed>,
+    image: Option<(StripImage, TextureHandle)>,
+}
+
+/// Opacity of the band from least to greatest value, and of the most frequent values of the image.
+const BAND: f32 = 0.15;
+const IMAGE: f32 = 0.75;
+
+impl Strip {
+    /// Draws the image into `rect`, with the first and the last step at the ends of `way`.
+    fn draw_image(&mut self, ui: &Ui, rect: Rect, way: Rangef, survey: &Arc<Surveyed>) {
+        if self.made.as_ref().is_none_or(|made| !Arc::ptr_eq(&made.survey, survey)) {
+            let image = StripImage::of(survey).map(|image| {
+                let pixels = image.shades.iter().map(|&shade| Color32::from_white_alpha(shade)).collect();
+                let pixels = ColorImage::new([image.columns, STEP_BINS], pixels);
+                let texture = ui.ctx().load_texture("histograms of the steps", pixels, TextureOptions::LINEAR);
+                (image, texture)
+            });
+            self.made = Some(Made { survey: survey.clone(), image });
+        }
+        let Some(Made { image: Some((image, texture)), .. }) = &self.made else { return };
+        let [first, last] = image.ends(survey.steps.len());
+        let uv = Rect::from_min_max(pos2(first, 0.0), pos2(last, 1.0));
+        let place = Rect::from_x_y_ranges(way, rect.y_range()).shrink2(egui::vec2(0.0, 1.0));
+        ui.painter().image(texture.id(), place, uv, ui.visuals().text_color().gamma_multiply(IMAGE));
+    }
+}
+
 /// Draws the strip into `rect`; the first step is at the start of `way`, the last one at its end.
-pub(super) fn draw(ui: &Ui, rect: Rect, way: Rangef, session: &Session) {
+pub(super) fn draw(ui: &Ui, strip: &mut Strip, rect: Rect, way: Rangef, session: &Session) {
     let series = session.series();
     let Some([lo, hi]) = series.field().range.map(|range| range.map(f64::from)) else { return };
     let steps = series.times().len();
     let columns = (way.span() * ui.pixels_per_point()).max(1.0) as usize;
     let survey = session.survey();
+    strip.draw_image(ui, rect, way, &survey);
     let found = columns_of(steps, columns, |step| value(session, &survey, step));
     let y = |value: f64| {
         let place = if hi > lo { (value - lo) / (hi - lo) } else { 0.5 };
@@ -46,7 +85,7 @@ pub(super) fn draw(ui: &Ui, rect: Rect, way: Rangef, session: &Session) {
             flush(&mut band, &mut means);
             continue;
         };
-        add_column(&mut band, x(at), [y(column.hi) - 0.5, y(column.lo) + 0.5], ink.gamma_multiply(0.3));
+        add_column(&mut band, x(at), [y(column.hi) - 0.5, y(column.lo) + 0.5], ink.gamma_multiply(BAND));
         means.extend(column.mean.map(|mean| pos2(x(at), y(mean))));
     }
     flush(&mut band, &mut means);

@@ -1,32 +1,49 @@
 //! The timeline: steps, which of them are in memory, and playback controls.
 
 use super::preview::Preview;
+use super::strip::{self, Strip};
 use super::widgets::{Symbol, chosen, icon, labelled, number, symbol, toggle, wide_number};
-use super::{export, strip};
+use super::{export, key_boxes, quality, tracks};
 use crate::playback::{Command, Direction, Loop, Mode, State, StepRange};
 use crate::ui::exporting::ExportAction;
+use crate::ui::tracks::place_of;
 use crate::ui::{Action, Session};
 use eframe::egui;
-use egui::{DragValue, Pos2, Rangef, Rect, Role, Slider, Ui, WidgetInfo, pos2};
+use egui::{DragValue, Pos2, Rangef, Rect, Role, Slider, Stroke, Ui, WidgetInfo, pos2};
 
 /// Height of the strips for steps in memory and for the range.
 const STRIP: f32 = 4.0;
+
+/// Pictures of the timeline.
+#[derive(Default)]
+pub(super) struct Pictures {
+    preview: Preview,
+    strip: Strip,
+}
 
 /// Shows the timeline; `shows_side` is toggled by its button.
 pub(super) fn show(
     ui: &mut Ui,
     session: &mut Session,
     shows_side: &mut bool,
-    preview: &mut Preview,
+    pictures: &mut Pictures,
     actions: &mut Vec<Action>,
 ) {
     let state = session.state();
     ui.add_space(4.0);
-    scrub(ui, session, &state, preview, actions);
+    let names = egui::Margin { left: tracks::names_width(session) as i8, ..egui::Margin::ZERO };
+    let (slider, way) =
+        egui::Frame::NONE.inner_margin(names).show(ui, |ui| scrub(ui, session, &state, pictures, actions)).inner;
+    tracks::show(ui, session, way, actions);
+    playhead(ui, session, way, slider.bottom()..=ui.min_rect().bottom());
+    key_boxes::show(ui, session, actions);
     ui.horizontal_wrapped(|ui| {
         transport(ui, &state, actions);
         ui.separator();
         place(ui, session, &state, actions);
+        tracks::add_menu(ui, session, actions);
+        ui.separator();
+        quality::show(ui, session, actions);
         ui.separator();
         pace(ui, &state, actions);
         ui.separator();
@@ -49,8 +66,24 @@ pub(super) fn show(
     ui.add_space(4.0);
 }
 
-/// The slider over all steps, and below it the strips.
-fn scrub(ui: &mut Ui, session: &mut Session, state: &State, preview: &mut Preview, actions: &mut Vec<Action>) {
+/// A line through strips and tracks at the moment shown.
+fn playhead(ui: &Ui, session: &Session, way: Rangef, range: std::ops::RangeInclusive<f32>) {
+    let times = &session.series().times().values;
+    if let Some(at) = session.moment() {
+        let share = place_of(times, at) / times.len().saturating_sub(1).max(1) as f64;
+        let stroke = Stroke::new(1.0, ui.visuals().warn_fg_color.gamma_multiply(0.7));
+        ui.painter().vline(egui::lerp(way, share as f32), range, stroke);
+    }
+}
+
+/// The slider over all steps, and below it the strips. Returns the slider's place, and the way of its handle.
+fn scrub(
+    ui: &mut Ui,
+    session: &mut Session,
+    state: &State,
+    pictures: &mut Pictures,
+    actions: &mut Vec<Action>,
+) -> (Rect, Rangef) {
     let last = state.steps.saturating_sub(1);
     let at = state.frame.map_or(0, |frame| frame.step());
     let mut step = at;
@@ -62,9 +95,11 @@ fn scrub(ui: &mut Ui, session: &mut Session, state: &State, preview: &mut Previe
     let way = response.rect.x_range().shrink(inset);
     let size = egui::vec2(ui.available_width(), 2.0 * STRIP + strip::HEIGHT);
     let (place, values) = ui.allocate_exact_size(size, egui::Sense::click_and_drag());
-    values.widget_info(|| WidgetInfo::labeled(Role::Image, true, "Least, mean and greatest value of each step"));
+    values.widget_info(|| {
+        WidgetInfo::labeled(Role::Image, true, "Least, mean and greatest value of each step, over its histogram")
+    });
     let memory = place.with_max_y(place.top() + 2.0 * STRIP);
-    strip::draw(ui, place.with_min_y(memory.bottom()), way, session);
+    strip::draw(ui, &mut pictures.strip, place.with_min_y(memory.bottom()), way, session);
     strips(ui, memory, way, session, state);
     let step_at = |at: Pos2| {
         let share = ((at.x - way.min) / way.span().max(1.0)).clamp(0.0, 1.0);
@@ -82,7 +117,9 @@ fn scrub(ui: &mut Ui, session: &mut Session, state: &State, preview: &mut Previe
         actions.push(Action::Play(Command::SeekStep(step)));
     }
     let under = response.hover_pos().or(values.hover_pos()).filter(|_| last > 0).map(step_at);
-    preview.show(session, under, &response.union(values));
+    let place = response.rect;
+    pictures.preview.show(session, under, &response.union(values));
+    (place, way)
 }
 
 /// Strips for steps in memory and for the played range; the first step is at the start of `way`, the last one at its end.
