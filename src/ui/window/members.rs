@@ -147,7 +147,7 @@ fn buttons(ui: &mut Ui, session: &Session, place: Place, of: &Ensemble, actions:
         button("+", "Add a member", true, &|| members::added(project, place), index + 1);
         button("copy", "Copy the member", true, &|| members::copied(project, place), index + 1);
         button("×", "Remove the member", count > 1, &|| members::removed(project, place), index.saturating_sub(1));
-        button("⬆", "Move the member up", index > 0, &|| moved(index.saturating_sub(1)), index.saturating_sub(1));
-        button("⬇", "Move the member down", index + 1 < count, &|| moved(index + 1), index + 1);
+        button("up", "Move the member up", index > 0, &|| moved(index.saturating_sub(1)), index.saturating_sub(1));
+        button("down", "Move the member down", index + 1 < count, &|| moved(index + 1), index + 1);
     });
 }

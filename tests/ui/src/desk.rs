@@ -257,6 +257,17 @@ impl Desk {
         self.harness.step();
     }
 
+    /// Clicks twice with the left button, each click within one pass: a pass takes most of the time that a double click may take.
+    pub fn double_click(&mut self, at: Pos2) {
+        self.harness.hover_at(at);
+        self.harness.step();
+        for _ in 0..2 {
+            self.harness.drag_at(at);
+            self.harness.drop_at(at);
+            self.harness.step();
+        }
+    }
+
     /// For those who want to look at it.
     pub fn save(&mut self, name: &str) {
         if let Some(folder) = std::env::var_os("TETREEL_UI_PICTURES") {

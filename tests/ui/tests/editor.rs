@@ -129,11 +129,7 @@ fn the_axis_is_stretched_by_handles_and_equalised() {
     let Some(mut desk) = open([1280.0, 1000.0]) else { return };
     let strip = desk.place("Range map of 0 handles");
     let at = pos2(on(strip, [0.25, 0.0]).x, strip.center().y);
-    for _ in 0..2 {
-        desk.harness.drag_at(at);
-        desk.harness.drop_at(at);
-    }
-    desk.harness.step();
+    desk.double_click(at);
     desk.settle();
     let map = || member(&desk).map.points().to_vec();
     let points = map();

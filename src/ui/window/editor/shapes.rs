@@ -123,7 +123,8 @@ impl ShapeEditor {
                 }
             });
             for (index, widget) in widgets.iter().enumerate() {
-                let text = egui::RichText::new("■").color(color(shapes::color(widget).map(|c| c as f32)));
+                let shade = color(shapes::color(widget).map(|c| c as f32));
+                let text = egui::RichText::new((index + 1).to_string()).strong().color(shade);
                 let response = ui.add(Button::selectable(index == self.selected, text));
                 let name = format!("Shape {}: {}", index + 1, Kind::of(widget).name());
                 if named(response, Role::Button, &name).clicked() {
