@@ -12,7 +12,7 @@ use super::{point, statistics, surfaces};
 use crate::camera::{Axis, Projection};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode};
-use crate::transfer::{ColorMap, MappedRange, OpacityKind, RangePolicy, Space};
+use crate::transfer::{ColorMap, MappedRange, RangePolicy, Space};
 use crate::ui::settings::RecentFile;
 use crate::ui::{Action, IMAGE_SCALES, Session};
 use eframe::egui;
@@ -73,13 +73,10 @@ impl Side {
                 section(ui, "Colours", &mut |ui| {
                     colors(ui, session, &mut self.function, actions);
                 });
-                section(ui, "Opacity", &mut |ui| {
-                    self.editor.show(ui, session, actions);
-                    opacity(ui, session, actions);
-                });
+                section(ui, "Opacity", &mut |ui| self.editor.show(ui, session, actions));
+                section(ui, "View", &mut |ui| view(ui, session, (overlays, &mut self.cameras), actions));
                 section(ui, "Surfaces", &mut |ui| surfaces::show(ui, session, actions));
                 section(ui, "Point", &mut |ui| point::show(ui, session, actions));
-                section(ui, "View", &mut |ui| view(ui, session, (overlays, &mut self.cameras), actions));
                 section(ui, "Picture", &mut |ui| picture(ui, session, actions));
                 section(ui, "Statistics", &mut |ui| statistics::show(ui, session));
             })
@@ -132,33 +129,18 @@ pub(super) const OPTICS: [(OpticsKind, &str); 3] = [
 
 fn colors(ui: &mut Ui, session: &Session, menu: &mut FunctionMenu, actions: &mut Vec<Action>) {
     match session.function() {
-        Some(tf) => color_map(ui, tf.color_map(), actions),
-        None => drop(ui.label("each shape has its own")),
+        Some(tf) => color_map(ui, tf.color_map(), menu, actions),
+        None => drop(ui.horizontal(|ui| {
+            ui.label("each shape has its own");
+            menu.show(ui, actions);
+        })),
     }
-    menu.show(ui, actions);
     if let (Some(member), Some(range)) = (session.member(), session.shown_range()) {
         range_of_colors(ui, session, (member.range, &range), actions);
     }
 }
 
-/// What opacities mean, and the length that they refer to.
-fn opacity(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
-    let look = session.look();
-    let kinds = [(OpacityKind::Alpha, "opacities"), (OpacityKind::Extinction, "optical depths")];
-    actions.extend(chosen(ui, "Kind of opacity", look.opacity_kind, &kinds).map(Action::OpacityKind));
-    let before = look.lengths.unit_distance;
-    let mut distance = before;
-    ui.horizontal(|ui| {
-        let drag = DragValue::new(&mut distance).speed(before / 100.0).custom_formatter(|x, _| overlay::number(x));
-        number(ui, drag, "Unit distance: the length that opacities refer to");
-        ui.label("unit distance");
-    });
-    if distance != before {
-        actions.push(Action::UnitDistance(distance));
-    }
-}
-
-fn color_map(ui: &mut Ui, map: &ColorMap, actions: &mut Vec<Action>) {
+fn color_map(ui: &mut Ui, map: &ColorMap, menu: &mut FunctionMenu, actions: &mut Vec<Action>) {
     let combo = egui::ComboBox::from_id_salt("colour map").selected_text(map.name()).width(WIDTH - 90.0);
     let name = map.name().to_owned();
     let response = combo.show_ui(ui, |ui| {
@@ -179,9 +161,12 @@ fn color_map(ui: &mut Ui, map: &ColorMap, actions: &mut Vec<Action>) {
     });
     preview(ui, map, vec2(ui.available_width(), 14.0));
     let mut is_reversed = map.name().ends_with("_r");
-    if ui.checkbox(&mut is_reversed, "reversed").clicked() {
-        actions.push(Action::Colors(map.reversed()));
-    }
+    ui.horizontal(|ui| {
+        if ui.checkbox(&mut is_reversed, "reversed").clicked() {
+            actions.push(Action::Colors(map.reversed()));
+        }
+        menu.show(ui, actions);
+    });
 }
 
 /// The colours of a map from left to right.

@@ -142,7 +142,7 @@ fn the_axis_is_stretched_by_handles_and_equalised() {
     let moved = member(&desk).map.points().to_vec();
     assert!(moved[1][0] == points[1][0] && (moved[1][1] - 0.5).abs() < 0.03, "{moved:?}");
     desk.save("editor_stretched.png");
-    desk.click("Stretched axis");
+    desk.click("Axis and units");
     desk.settle();
     desk.until("a histogram", |session| session.histogram().is_some());
     desk.click("Equalise");

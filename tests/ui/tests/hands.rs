@@ -47,6 +47,11 @@ fn open(desk: &mut Desk, path: &Path) {
 fn the_last_point_of_the_opacity_curve_is_dragged_though_the_panel_has_a_scroll_bar() {
     for size in [[640.0, 480.0], [1280.0, 800.0]] {
         let Some(mut desk) = desk_of(size) else { return };
+        // In the smallest window the curve lies below the sections above it.
+        if size[1] < 600.0 {
+            ["Field", "Colours"].into_iter().for_each(|section| desk.click(section));
+            desk.settle();
+        }
         let place = desk.place("Opacity curve of");
         // Colours are below the curve; the last point has 0.6 of 1.
         let curve = Rect::from_min_max(place.min, place.max - vec2(0.0, 12.0)).shrink(4.0);

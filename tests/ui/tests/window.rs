@@ -41,6 +41,8 @@ fn the_picture_moves_while_frames_come_as_fast_as_they_can() {
     desk.click("loop all");
     for backend in ["CPU", "GPU"] {
         if backend == "GPU" {
+            desk.click("Opacity");
+            desk.settle();
             desk.click("Backend");
             desk.click(backend);
             desk.settle();
@@ -179,8 +181,7 @@ fn a_frame_that_is_rendered_on_the_gpu_of_the_window_is_shown_from_there() {
     let Some(mut desk) = Desk::open() else { return };
     desk.settle();
     let on_cpu = desk.session().shown().unwrap().clone();
-    desk.click("Backend");
-    desk.click("GPU");
+    use_gpu(&mut desk);
     desk.until("it is rendered", |session| session.shown().is_some_and(|shown| shown.frame.stats.on_gpu));
     desk.settle();
     let shown = desk.session().shown().unwrap();
@@ -209,8 +210,7 @@ fn a_frame_that_is_rendered_on_the_gpu_of_the_window_is_shown_from_there() {
 #[test]
 fn a_gpu_that_is_lost_leaves_the_pictures_to_another_device() {
     let Some(mut desk) = Desk::open() else { return };
-    desk.click("Backend");
-    desk.click("GPU");
+    use_gpu(&mut desk);
     desk.until("it is on the GPU", |session| session.shown().is_some_and(|shown| shown.frame.texture.is_some()));
     let texture = desk.session().shown().unwrap().frame.texture.clone().unwrap();
     texture.context().lose();
@@ -222,8 +222,20 @@ fn a_gpu_that_is_lost_leaves_the_pictures_to_another_device() {
     assert!(shown.frame.texture.is_none() && !shown.frame.planes.color.pixels.is_empty(), "it came through the CPU");
 }
 
+/// Chooses the GPU, in a part of the panel below others.
+fn use_gpu(desk: &mut Desk) {
+    desk.click("Opacity");
+    desk.settle();
+    desk.click("Backend");
+    desk.click("GPU");
+}
+
 /// The middle of the picture has these colours, each up to `tolerance`, once the box of the mesh is hidden.
 fn assert_shows(desk: &mut Desk, expected: &[[u8; 4]], tolerance: u8) {
+    if desk.harness.query_by_label("Curve or shapes").is_some() {
+        desk.click("Opacity");
+        desk.settle();
+    }
     desk.click("box");
     desk.settle();
     let (width, height) = desk.session().shown().unwrap().request.size_px;

@@ -8,15 +8,16 @@ mod curve;
 mod range_map;
 mod shapes;
 
-use super::widgets::chosen;
-use crate::transfer::{Function, MappedRange, Member, RangeMap, Space, Widget};
+use super::overlay;
+use super::widgets::{chosen, number};
+use crate::transfer::{Function, MappedRange, Member, OpacityKind, RangeMap, Space, Widget};
 use crate::ui::{Action, Session, members, opacity};
 use canvas::{Canvas, HistogramPicture, Scales};
 use eframe::egui;
-use egui::{Role, Sense, Ui, WidgetInfo, vec2};
+use egui::{DragValue, Role, Sense, Ui, WidgetInfo, vec2};
 
 /// Heights of the picture over one axis and over two, points.
-const HEIGHTS: [f32; 2] = [110.0, 170.0];
+const HEIGHTS: [f32; 2] = [96.0, 160.0];
 
 /// The editor.
 #[derive(Default)]
@@ -54,6 +55,23 @@ impl Edited<'_> {
     }
 }
 
+/// What opacities mean, and the length that they refer to.
+fn units(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
+    let look = session.look();
+    let kinds = [(OpacityKind::Alpha, "opacities"), (OpacityKind::Extinction, "optical depths")];
+    actions.extend(chosen(ui, "Kind of opacity", look.opacity_kind, &kinds).map(Action::OpacityKind));
+    let before = look.lengths.unit_distance;
+    let mut distance = before;
+    ui.horizontal(|ui| {
+        let drag = DragValue::new(&mut distance).speed(before / 100.0).custom_formatter(|x, _| overlay::number(x));
+        number(ui, drag, "Unit distance: the length that opacities refer to");
+        ui.label("unit distance");
+    });
+    if distance != before {
+        actions.push(Action::UnitDistance(distance));
+    }
+}
+
 impl Editor {
     /// The histogram that was looked at since the last call: its axes, and whether it is that of the step shown.
     pub(super) fn take_wanted(&mut self) -> Option<(Space, bool)> {
@@ -72,6 +90,8 @@ impl Editor {
         let edited = Edited { session, place, member, range: &range, map: &map };
         self.wanted = Some((member.space, self.is_of_step));
         ui.horizontal_wrapped(|ui| {
+            // Both choices in one row.
+            ui.spacing_mut().combo_width = 0.0;
             self.kind(ui, edited, actions);
             let steps = [(false, "all steps"), (true, "step shown")];
             if let Some(is_of_step) = chosen(ui, "Histogram", self.is_of_step, &steps) {
@@ -87,7 +107,10 @@ impl Editor {
             }
             Function::Widgets(widgets) => self.shapes.boxes(ui, edited, widgets, actions),
         }
-        self.map.boxes(ui, edited, actions);
+        egui::CollapsingHeader::new("Axis and units").show(ui, |ui| {
+            self.map.boxes(ui, edited, actions);
+            units(ui, session, actions);
+        });
     }
 
     /// The choice between a curve and shapes.

@@ -12,7 +12,7 @@ use crate::ui::bars::{self, DrawnAxis};
 use crate::ui::window::widgets::{icon, number};
 use crate::ui::{Action, Session};
 use eframe::egui;
-use egui::{CollapsingHeader, DragValue, PointerButton, Role, Stroke, Ui, WidgetInfo, pos2};
+use egui::{DragValue, PointerButton, Role, Stroke, Ui, WidgetInfo, pos2};
 
 /// Height of the strip, points.
 pub(super) const HEIGHT: f32 = 18.0;
@@ -97,7 +97,7 @@ impl MapEditor {
     pub(super) fn boxes(&self, ui: &mut Ui, edited: Edited<'_>, actions: &mut Vec<Action>) {
         let map = edited.map;
         let inner = map.points().get(1..map.points().len() - 1).unwrap_or_default();
-        CollapsingHeader::new("Stretched axis").show(ui, |ui| {
+        ui.vertical(|ui| {
             let mut changed = None;
             ui.horizontal_wrapped(|ui| {
                 let histogram = edited.session.histogram().filter(|shown| shown.kind == edited.member.space);
