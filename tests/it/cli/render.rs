@@ -164,7 +164,12 @@ fn small_images_come_to_full_size_where_that_is_asked_for_and_files_say_so() {
     place.ok(&["render", "u.toml", "--stats", "s.json"]);
     let bytes = std::fs::read(place.path("p_0.exr")).unwrap();
     assert!(bytes.windows(11).any(|bytes| bytes == b"sigma_depth"));
-    place.refuses(&["render", "u.toml", "--image-scale", "1", "-o", "no.exr"], &["--upsample joint", "--image-scale"]);
+    // Another scale on the command line drops the file's filter.
+    place.ok(&["render", "u.toml", "--image-scale", "1", "-o", "full.exr"]);
+    let bytes = std::fs::read(place.path("full.exr")).unwrap();
+    assert!(["upsample", "sigma_depth"].iter().all(|key| !bytes.windows(key.len()).any(|b| b == key.as_bytes())));
+    let asked = ["render", "u.toml", "--image-scale", "1", "--upsample", "joint", "-o", "no.exr"];
+    place.refuses(&asked, &["--upsample joint", "--image-scale"]);
     assert!(!place.path("no.exr").exists());
 }
 
