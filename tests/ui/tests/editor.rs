@@ -117,10 +117,10 @@ fn over_two_quantities_there_is_an_image_and_shapes_on_it() {
     desk.harness.hover_at(desk.place("2 shapes over a histogram").center());
     desk.harness.step();
     desk.save("editor_two_axes.png");
+    choose(&mut desk, "Histogram", "step shown");
     // Under the mouse are values, not what is counted.
     desk.harness.hover_at(pos2(200.0, 200.0));
     desk.harness.step();
-    choose(&mut desk, "Histogram", "step shown");
     desk.until_there("values of step 0");
     desk.press(Key::ArrowRight);
     desk.until_there("values of step 1");
