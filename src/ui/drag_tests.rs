@@ -1,7 +1,7 @@
 //! Dragging for ten seconds: no frame is older than it should be.
 
 use super::Action;
-use super::session_tests::{Desk, LONG, slow, store};
+use super::desk::{Desk, LONG, slow, store};
 use crate::camera::Camera;
 use crate::pipeline::Series;
 use crate::playback::quality::Quality;

@@ -1,8 +1,9 @@
 //! Sessions in which transfer functions are edited.
 
-use super::session_tests::Desk;
+use super::desk::{Desk, store};
 use super::worker::tests::wait_for;
 use super::*;
+use crate::look::EnsembleChoice;
 use crate::pipeline::Series;
 use crate::project::{Edit, Project};
 use crate::transfer::{ColorMap, Function, OpacityKind, OpacityPoint, RangeMap, RangePolicy, Space};
@@ -11,7 +12,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 fn open(folder: &Path) -> Desk {
-    let mut desk = Desk::of(Arc::new(Series::open(session_tests::store(), None).unwrap()), folder);
+    let mut desk = Desk::of(Arc::new(Series::open(store(), None).unwrap()), folder);
     desk.settle();
     desk
 }
@@ -121,6 +122,32 @@ fn what_opacities_mean_is_drawn_and_undone() {
         desk.act(Action::UnitDistance(distance));
     }
     assert_eq!(desk.session.changes().0, 0);
+}
+
+#[test]
+fn an_ensemble_that_was_chosen_and_removed_leaves_one_that_is_shown_and_edited() {
+    let mut desk = open(Path::new("."));
+    let edit = |desk: &mut Desk, edit: Option<Edit>| desk.act(Action::Edit(Box::new(edit.unwrap())));
+    let copied = members::copied_ensemble(desk.session.project(), 0);
+    edit(&mut desk, copied);
+    let copied = members::copied_ensemble(desk.session.project(), 1);
+    edit(&mut desk, copied);
+    for (index, map) in ["inferno", "gray"].into_iter().enumerate() {
+        desk.act(Action::Ensembles(EnsembleChoice::One(index + 1)));
+        desk.act(Action::Colors(ColorMap::built_in(map).unwrap().clone()));
+    }
+    let removed = members::removed_ensemble(desk.session.project(), 2);
+    edit(&mut desk, removed);
+    desk.settle();
+    assert_eq!(desk.session.look().followed.ensembles, EnsembleChoice::One(1));
+    assert_eq!((desk.session.edited_ensemble(), desk.session.function().unwrap().color_map().name()), (1, "inferno"));
+    let shown = desk.shown().request.tets().unwrap().table.clone();
+    desk.act(Action::Colors(ColorMap::built_in("viridis").unwrap().clone()));
+    desk.settle();
+    assert!(desk.shown().request.tets().unwrap().table != shown, "what is edited is what is shown");
+    desk.act(Action::Undo);
+    desk.act(Action::Undo);
+    assert_eq!((desk.session.look().followed.ensembles, desk.session.edited_ensemble()), (EnsembleChoice::One(2), 2));
 }
 
 /// An action of the editor, from numbers.

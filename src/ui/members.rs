@@ -1,8 +1,9 @@
 //! Changes of ensembles and their members, for the editor: as edits of the project.
 
+use super::tracks::{KeyValue, Track, map_track};
 use super::{opacity, shapes};
 use crate::project::{Edit, LookSettings, MapTrack, Project, TrackEdit};
-use crate::timeline::{Key, Keyframed, Transition};
+use crate::timeline::Key;
 use crate::transfer::{
     ColorMap, ColorPoint, Ensemble, Function, MappedRange, Member, OpacityPoint, OpacityValues, Polyline,
     PolylinePoint, PositionKind, RangeMap, Space, TransferFunction,
@@ -49,8 +50,8 @@ pub fn copied(project: &Project, (ensemble, index): Place) -> Option<Edit> {
     let name = free_name(&member.name, names_of(of));
     let copy = Box::new(Member { name: name.clone(), ..member.clone() });
     let mut edits = vec![Edit::InsertMember { ensemble, index: index + 1, member: copy }];
-    if let Some(track) = track_of(project, (ensemble, index)) {
-        let track = MapTrack { member: name, ..project.timeline.maps[track].clone() };
+    if let Some((_, track)) = map_track(project, ensemble, index) {
+        let track = MapTrack { member: name, ..track.clone() };
         edits.push(Edit::InsertMapTrack { index: project.timeline.maps.len(), track });
     }
     Some(Edit::All(edits))
@@ -60,7 +61,7 @@ pub fn copied(project: &Project, (ensemble, index): Place) -> Option<Edit> {
 pub fn removed(project: &Project, (ensemble, index): Place) -> Option<Edit> {
     let of = project.ensembles.get(ensemble).filter(|of| of.members.len() > 1)?;
     of.members.get(index)?;
-    let track = track_of(project, (ensemble, index)).map(|index| Edit::RemoveMapTrack { index });
+    let track = map_track(project, ensemble, index).map(|(index, _)| Edit::RemoveMapTrack { index });
     Some(Edit::All(track.into_iter().chain([Edit::RemoveMember { ensemble, index }]).collect()))
 }
 
@@ -96,36 +97,26 @@ pub fn removed_ensemble(project: &Project, index: usize) -> Option<Edit> {
     Some(Edit::All(edits))
 }
 
-/// Index of the track of a member's range maps.
-fn track_of(project: &Project, place: Place) -> Option<usize> {
-    let (ensemble, member) = (&project.ensembles.get(place.0)?.name, &member_at(project, place)?.name);
-    project.timeline.maps.iter().position(|track| (&track.ensemble, &track.member) == (ensemble, member))
-}
-
 /// The range map of a member at a time: that of its track, if that has keys.
-pub fn map_at(project: &Project, place: Place, time: Option<f64>) -> RangeMap {
-    let track = track_of(project, place).map(|index| &project.timeline.maps[index].keys);
-    let of_track = track.zip(time).and_then(|(keys, time)| keys.map(time));
-    of_track.or_else(|| member_at(project, place).map(|member| member.map.clone())).unwrap_or_default()
-}
-
-/// Sets the range map of a member: at this time, if its maps have keys.
-pub fn with_map(project: &Project, place: Place, time: Option<f64>, map: RangeMap) -> Option<Edit> {
-    let keyed = track_of(project, place).filter(|&index| !project.timeline.maps[index].keys.keys().is_empty());
-    if let Some((track, time)) = keyed.zip(time) {
-        let keys = &project.timeline.maps[track].keys;
-        let edit = TrackEdit::Insert(key_at(keys, time, map));
-        return Some(Edit::Maps { track, edit });
+pub fn map_at(project: &Project, (ensemble, member): Place, time: Option<f64>) -> RangeMap {
+    let of_track = time.and_then(|time| Track::Map { ensemble, member }.value_at(project, time));
+    match of_track {
+        Some(KeyValue::Map(map)) => map,
+        _ => member_at(project, (ensemble, member)).map(|member| member.map.clone()).unwrap_or_default(),
     }
-    let member = member_at(project, place)?;
-    let member = Box::new(Member { map, ..member.clone() });
-    Some(Edit::SetMember { ensemble: place.0, index: place.1, member })
 }
 
-/// A key at a time with the transition that holds there already.
-fn key_at<T: Clone>(keys: &Keyframed<T>, time: f64, value: T) -> Key<T> {
-    let before = keys.keys().iter().rev().find(|key| key.time <= time);
-    Key { time, value, transition: before.map_or_else(Transition::default, |key| key.transition) }
+/// Sets the range map of a member: at this time, if its maps have keys; a new key has the transition of the one before it.
+pub fn with_map(project: &Project, place: Place, time: Option<f64>, map: RangeMap) -> Option<Edit> {
+    let (ensemble, index) = place;
+    let track = Track::Map { ensemble, member: index };
+    let keys = track.keys(project);
+    if let (Some(time), Some(first)) = (time, keys.first()) {
+        let before = keys.iter().rev().find(|key| key.time <= time).unwrap_or(first);
+        return track.insert(project, Key { time, value: KeyValue::Map(map), transition: before.transition });
+    }
+    let member = Box::new(Member { map, ..member_at(project, place)?.clone() });
+    Some(Edit::SetMember { ensemble, index, member })
 }
 
 /// The member over other quantities: a curve or shapes that cannot be used there are replaced.

@@ -1,5 +1,6 @@
 use super::*;
 use crate::project::Data;
+use crate::timeline::{Keyframed, Transition};
 use crate::transfer::RangePolicy;
 use proptest::prelude::*;
 

@@ -47,6 +47,8 @@
 
 mod action;
 pub mod bars;
+#[cfg(test)]
+pub(crate) mod desk;
 mod document;
 #[cfg(test)]
 mod drag_tests;
@@ -74,7 +76,7 @@ mod project_worker;
 mod requests;
 mod session;
 #[cfg(test)]
-pub(crate) mod session_tests;
+mod session_tests;
 pub mod settings;
 pub mod shapes;
 mod still;

@@ -1,8 +1,8 @@
 //! Sessions with a project.
 
+use super::desk::{Desk, store};
 use super::keys;
 use super::picture::over_background;
-use super::session_tests::{Desk, store};
 use super::worker::tests::wait_for;
 use super::*;
 use crate::ingest::{IngestOptions, ingest};

@@ -1,143 +1,17 @@
 //! User actions and their effects.
 
+use super::desk::{Desk, slow, store};
+use super::worker::tests::wait_for;
 use super::*;
 use crate::camera::{Axis, Camera, Projection};
-use crate::ingest::{IngestOptions, ingest};
-use crate::look::Look;
 use crate::optics::OpticsKind;
-use crate::pipeline::test_series::{Log, logged};
-use crate::pipeline::{
-    Backend, FrameTime, Pipeline, Pipelined, PipelinedOptions, RenderMode, SampleSet, Sampling, Series,
-};
+use crate::pipeline::test_series::logged;
+use crate::pipeline::{FrameTime, RenderMode, SampleSet, Sampling, Series};
 use crate::playback::quality::{Family, Quality};
-use crate::playback::{Clock, Command, Direction, Loop, Mode, Player, StepRange};
-use crate::project::Project;
-use crate::store::Store;
-use crate::synth::{SeriesName, SynthSpec, generate};
-use crate::task::{Cancel, Silent};
-use crate::transfer::{ColorMap, Lengths, OpacityPoint, RangePolicy, TransferFunction};
-use crate::ui::worker::tests::wait_for;
+use crate::playback::{Command, Direction, Loop, Mode, StepRange};
+use crate::transfer::{ColorMap, OpacityPoint, RangePolicy};
 use glam::DVec2;
-use std::path::Path;
-use std::sync::{Arc, OnceLock};
-use std::time::{Duration, Instant};
-
-pub(super) const LONG: Duration = Duration::from_secs(60);
-
-pub(crate) fn store() -> &'static Arc<Store> {
-    static STORE: OnceLock<(tempfile::TempDir, Arc<Store>)> = OnceLock::new();
-    let (_, store) = STORE.get_or_init(|| {
-        let dir = tempfile::tempdir().unwrap();
-        let series = generate(&SynthSpec { cells: 600, steps: 4, ..SynthSpec::new(SeriesName::Tornado) }).unwrap();
-        let path = dir.path().join("tornado.zarr");
-        ingest(&series, &path, &IngestOptions::default(), &Silent, &Cancel::new()).unwrap();
-        (dir, Arc::new(Store::open(path).unwrap()))
-    });
-    store
-}
-
-/// A session and its clock.
-pub(crate) struct Desk {
-    pub(crate) session: Session,
-    pub(crate) now: Duration,
-}
-
-impl Desk {
-    pub(super) fn of(series: Arc<Series>, folder: &Path) -> Self {
-        Self::with(series, folder, None)
-    }
-
-    pub(super) fn with(series: Arc<Series>, folder: &Path, project: Option<Arc<Project>>) -> Self {
-        let camera = Camera::default_for(series.mesh().positions.world_bounds()).unwrap();
-        let look = Look {
-            surfaces: Default::default(),
-            camera,
-            tf: TransferFunction::parse("viridis").unwrap(),
-            range: RangePolicy::Series,
-            opacity_kind: Default::default(),
-            lengths: Lengths::of_unit_distance(0.01),
-            mode: Default::default(),
-            faces: Default::default(),
-            backend: Backend::Cpu,
-            optics: Default::default(),
-            skip: Default::default(),
-            followed: Default::default(),
-        };
-        Self::with_look(series, folder, look, project)
-    }
-
-    pub(crate) fn with_look(series: Arc<Series>, folder: &Path, look: Look, project: Option<Arc<Project>>) -> Self {
-        let options = PipelinedOptions { threads: Some(1), frame_cache_bytes: 0, ..Default::default() };
-        let clock = Clock::new(series.times().clone());
-        let pipelined = Pipelined::start(Pipeline::new(series), &options, || ()).unwrap();
-        let options = SessionOptions {
-            store: store().clone(),
-            source: store().path().to_owned(),
-            look,
-            project,
-            file: None,
-            camera_is_chosen: false,
-            background: [0.0; 3],
-            image_scale: 1.0,
-            target_fps: None,
-            family: None,
-            screenshot_folder: folder.to_owned(),
-        };
-        let mut session = Session::new(Player::new(clock, pipelined), options, Arc::new(|| ())).unwrap();
-        session.set_viewport(40, 20);
-        Self { session, now: Duration::ZERO }
-    }
-
-    fn open() -> Self {
-        Self::of(Arc::new(Series::open(store(), None).unwrap()), Path::new("."))
-    }
-
-    fn fake(steps: usize) -> (Self, Log) {
-        let (series, log) = logged(steps);
-        (Self::of(series, Path::new(".")), log)
-    }
-
-    pub(crate) fn act(&mut self, action: Action) {
-        self.session.act(action, self.now);
-    }
-
-    /// Ticks until no more frames come without time passing; returns how many new frames were shown.
-    pub(crate) fn settle(&mut self) -> usize {
-        let (mut shown, begun) = (0, Instant::now());
-        loop {
-            assert!(begun.elapsed() < 3 * LONG, "it does not come to rest");
-            let (is_new, _) = self.session.tick(self.now);
-            shown += usize::from(is_new);
-            if !is_new && !self.session.player.wait(LONG) {
-                if !self.session.is_waiting() {
-                    return shown;
-                }
-                // A result of the project is pending.
-                std::thread::sleep(Duration::from_millis(1));
-            }
-        }
-    }
-
-    pub(super) fn later(&mut self, ms: u64) {
-        self.now += Duration::from_millis(ms);
-    }
-
-    /// Ticks until a field that opens is there.
-    pub(super) fn wait_for_field(&mut self) {
-        wait_for("field", || {
-            self.session.tick(self.now);
-            (!self.session.opens_field()).then_some(())
-        });
-    }
-
-    fn step(&self) -> usize {
-        self.session.state().frame.unwrap().step()
-    }
-
-    pub(super) fn shown(&self) -> &Shown {
-        self.session.shown().unwrap()
-    }
-}
+use std::sync::Arc;
 
 #[test]
 fn paused_and_still_nothing_is_asked_of_the_pipeline() {
@@ -208,6 +82,56 @@ fn every_change_of_the_look_is_drawn() {
 }
 
 #[test]
+fn at_rest_on_the_last_step_a_growing_series_is_followed() {
+    for (at, expected) in [(2, 4), (1, 1)] {
+        let (mut desk, _) = Desk::fake(3);
+        desk.act(Action::Play(Command::SeekStep(at)));
+        desk.settle();
+        desk.session.grow(store().clone(), logged(5).0, desk.now);
+        desk.settle();
+        assert_eq!((desk.step(), desk.session.state().steps), (expected, 5));
+    }
+    let (mut desk, _) = Desk::fake(3);
+    desk.act(Action::Play(Command::SeekStep(1)));
+    desk.act(Action::Play(Command::Play));
+    desk.session.grow(store().clone(), logged(5).0, desk.now);
+    assert!(desk.session.state().playing && desk.step() == 1, "a clock that runs goes on");
+}
+
+#[test]
+fn what_is_open_is_closed_one_after_the_other() {
+    let (mut desk, _) = Desk::fake(2);
+    desk.act(Action::Help);
+    desk.session.fail("first".to_owned());
+    desk.session.fail("second".to_owned());
+    let seen = |desk: &Desk| (desk.session.help_is_open(), desk.session.notices().len());
+    let mut after = vec![seen(&desk)];
+    for _ in 0..4 {
+        desk.act(Action::Close);
+        after.push(seen(&desk));
+    }
+    assert_eq!(after, [(true, 2), (false, 2), (false, 1), (false, 0), (false, 0)]);
+    desk.act(Action::Fullscreen);
+    assert!(desk.session.is_fullscreen());
+    desk.act(Action::Fullscreen);
+    assert!(!desk.session.is_fullscreen());
+}
+
+#[test]
+fn the_way_back_to_what_was_opened_is_undone_too() {
+    let mut desk = Desk::open();
+    let first = desk.session.project().clone();
+    desk.act(Action::Colors(ColorMap::built_in("gray").unwrap().clone()));
+    desk.act(Action::Renderer(RenderMode::Havs));
+    let changed = desk.session.project().clone();
+    desk.act(Action::Revert);
+    assert!(**desk.session.project() == *first && desk.session.look().mode != RenderMode::Havs);
+    assert!(!desk.session.is_changed());
+    desk.act(Action::Undo);
+    assert!(**desk.session.project() == *changed && desk.session.look().mode == RenderMode::Havs);
+}
+
+#[test]
 fn images_have_the_size_of_the_viewport_times_the_scale() {
     let (mut desk, _) = Desk::fake(2);
     desk.settle();
@@ -220,14 +144,6 @@ fn images_have_the_size_of_the_viewport_times_the_scale() {
     assert_eq!((desk.session.size_px(), desk.settle()), (None, 0), "a minimised window renders nothing");
     desk.session.set_viewport(100_000, 10);
     assert_eq!(desk.session.size_px(), Some((8192, 1)));
-}
-
-/// Simulates a machine on which a frame in full takes `ms`.
-pub(super) fn slow(desk: &mut Desk, ms: f64) {
-    desk.session.quality.forget_all();
-    // The first view replaces the initial one.
-    desk.session.quality.set_view(40 * 20, desk.session.camera().half_height_at_focus().unwrap());
-    (0..3).for_each(|_| desk.session.quality.measured(Quality::Exact, ms));
 }
 
 #[test]

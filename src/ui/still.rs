@@ -83,7 +83,7 @@ mod tests {
     use crate::playback::quality::{Family, Quality};
     use crate::playback::{Command, Loop};
     use crate::ui::Action;
-    use crate::ui::session_tests::{Desk, slow, store};
+    use crate::ui::desk::{Desk, slow, store};
     use glam::DVec2;
     use std::path::Path;
     use std::sync::Arc;

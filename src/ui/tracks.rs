@@ -242,7 +242,7 @@ fn names_of(project: &Project, ensemble: usize, member: usize) -> Option<(&str, 
 }
 
 /// The track of a member's range maps, with its index.
-fn map_track(project: &Project, ensemble: usize, member: usize) -> Option<(usize, &MapTrack)> {
+pub(super) fn map_track(project: &Project, ensemble: usize, member: usize) -> Option<(usize, &MapTrack)> {
     let names = names_of(project, ensemble, member)?;
     let mut tracks = project.timeline.maps.iter().enumerate();
     tracks.find(|(_, track)| (track.ensemble.as_str(), track.member.as_str()) == names)

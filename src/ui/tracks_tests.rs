@@ -8,7 +8,7 @@ use crate::project::{Data, Timeline};
 use crate::render::surfaces::{Cut, Isosurface};
 use crate::transfer::{ColorMap, Ensemble, Function, Member, TransferFunction};
 use crate::ui::Action;
-use crate::ui::session_tests::{Desk, store};
+use crate::ui::desk::{Desk, store};
 use glam::{DVec2, DVec3};
 use proptest::prelude::*;
 use std::path::Path;

@@ -282,7 +282,13 @@ impl Session {
     pub(super) fn edit(&mut self, edit: Edit) {
         let mut project = Project::clone(self.document.project());
         match edit.apply(&mut project) {
-            Ok(()) => self.document.set_project(project),
+            Ok(()) => {
+                // The chosen ensemble may be gone.
+                if let EnsembleChoice::One(index) = &mut self.look.followed.ensembles {
+                    *index = (*index).min(project.ensembles.len().saturating_sub(1));
+                }
+                self.document.set_project(project);
+            }
             Err(error) => self.fail(error.to_string()),
         }
     }

@@ -1,11 +1,10 @@
 //! The menu of cameras with names.
 
 use super::overlay::shortened;
-use super::widgets::{icon, labelled};
+use super::widgets::{icon, labelled, staying_menu};
 use crate::project::{Edit, NamedCamera};
 use crate::ui::{Action, Session};
 use eframe::egui;
-use egui::containers::menu::{MenuButton, MenuConfig};
 use egui::{Button, TextEdit, Ui};
 
 /// Largest length of a name that is shown; longer ones are cut.
@@ -20,9 +19,8 @@ pub(super) struct CameraMenu {
 impl CameraMenu {
     /// Shows the menu.
     pub(super) fn show(&mut self, ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
-        let stays = MenuConfig::new().close_behavior(egui::PopupCloseBehavior::CloseOnClickOutside);
-        let menu = MenuButton::new("Cameras").config(stays).ui(ui, |ui| self.content(ui, session, actions));
-        menu.0.on_hover_text("Keep this view under a name, or go back to one");
+        let menu = staying_menu(ui, "Cameras", |ui| self.content(ui, session, actions));
+        menu.on_hover_text("Keep this view under a name, or go back to one");
     }
 
     fn content(&mut self, ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {

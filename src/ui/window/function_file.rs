@@ -1,9 +1,8 @@
 //! The menu that loads and saves the transfer function of the edited member.
 
-use super::widgets::labelled;
+use super::widgets::{labelled, staying_menu};
 use crate::ui::{Action, FunctionFile};
 use eframe::egui;
-use egui::containers::menu::{MenuButton, MenuConfig};
 use egui::{TextEdit, Ui};
 use std::path::PathBuf;
 
@@ -18,9 +17,7 @@ pub(super) struct FunctionMenu {
 impl FunctionMenu {
     /// Shows the menu.
     pub(super) fn show(&mut self, ui: &mut Ui, actions: &mut Vec<Action>) {
-        // Typing a path needs a menu that stays open when clicked.
-        let stays = MenuConfig::new().close_behavior(egui::PopupCloseBehavior::CloseOnClickOutside);
-        MenuButton::new("File...").config(stays).ui(ui, |ui| {
+        staying_menu(ui, "File...", |ui| {
             ui.label("A transfer function (JSON), or colour maps of ParaView (FILE.json, FILE.json#NAME):");
             let edit = TextEdit::singleline(&mut self.path).hint_text("path").desired_width(320.0);
             labelled(ui.add(edit), "Path of the transfer function");

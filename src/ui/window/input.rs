@@ -5,8 +5,9 @@ use crate::ui::keys;
 use crate::ui::tracks::KeyAction;
 use eframe::egui;
 
-/// Actions of newly pressed keys, unless a widget or a menu has the focus.
-pub(super) fn pressed(ctx: &egui::Context) -> Vec<Action> {
+/// Actions of newly pressed keys, unless a widget or a menu has the focus. `has_key`: whether a key of the timeline is selected, of which a
+/// copy takes the clipboard.
+pub(super) fn pressed(ctx: &egui::Context, has_key: bool) -> Vec<Action> {
     if ctx.egui_wants_keyboard_input() || egui::Popup::is_any_open(ctx) {
         return Vec::new();
     }
@@ -28,7 +29,7 @@ pub(super) fn pressed(ctx: &egui::Context) -> Vec<Action> {
             }
         }
     });
-    if actions.contains(&Action::Keys(KeyAction::Copy)) {
+    if has_key && actions.contains(&Action::Keys(KeyAction::Copy)) {
         // Without a text on the clipboard nothing is pasted.
         ctx.copy_text(CLIPBOARD.to_owned());
     }

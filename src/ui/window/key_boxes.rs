@@ -1,13 +1,12 @@
 //! The selected key of the timeline in numbers, and the curve of its transition.
 
 use super::overlay;
-use super::widgets::{chosen, icon, number};
+use super::widgets::{chosen, icon, number, staying_menu};
 use crate::optics::OpticsKind;
 use crate::timeline::Transition;
 use crate::ui::tracks::{KeyAction, KeyValue, Track};
 use crate::ui::{Action, Session};
 use eframe::egui;
-use egui::containers::menu::{MenuButton, MenuConfig};
 use egui::{DragValue, Pos2, Rect, Role, Sense, Stroke, StrokeKind, Ui, WidgetInfo, pos2, vec2};
 
 /// Side of the curve, and radius of its handles.
@@ -133,10 +132,9 @@ fn transition(ui: &mut Ui, before: Transition, act: &mut impl FnMut(KeyAction)) 
             }
         }
         Transition::Cubic { handles } => {
-            let stays = MenuConfig::new().close_behavior(egui::PopupCloseBehavior::CloseOnClickOutside);
             let curve = *handles;
-            let menu = MenuButton::new("curve").config(stays);
-            menu.ui(ui, |ui| edit_curve(ui, curve, handles)).0.on_hover_text("The curve of this transition");
+            let menu = staying_menu(ui, "curve", |ui| edit_curve(ui, curve, handles));
+            menu.on_hover_text("The curve of this transition");
         }
     }
     if after != before {

@@ -476,7 +476,7 @@ impl PlayerWindow {
             }
             session.hold(goes_on);
         }
-        let mut actions = input::pressed(&ctx);
+        let mut actions = input::pressed(&ctx, session.selected_key().is_some());
         popups::notices(ui, session, &mut actions);
         let shows_side = &mut self.keeper.settings_mut().shows_side;
         egui::Panel::bottom("timeline").frame(panel).show(ui, |ui| {

@@ -2,13 +2,12 @@
 
 use super::members::Members;
 use super::overlay::shortened;
-use super::widgets::labelled;
+use super::widgets::{labelled, staying_menu};
 use crate::look::EnsembleChoice;
 use crate::project::{Project, Timeline};
 use crate::timeline::At;
 use crate::ui::{Action, Session};
 use eframe::egui;
-use egui::containers::menu::{MenuButton, MenuConfig};
 use egui::{Button, TextEdit, Ui};
 use std::path::PathBuf;
 
@@ -57,9 +56,7 @@ pub(super) fn show(ui: &mut Ui, session: &Session, members: &mut Members, action
 impl ProjectMenu {
     /// Shows the menu, and buttons to undo and redo.
     pub(super) fn show(&mut self, ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
-        // Typing a path needs a menu that stays open when clicked.
-        let stays = MenuConfig::new().close_behavior(egui::PopupCloseBehavior::CloseOnClickOutside);
-        MenuButton::new("Save...").config(stays).ui(ui, |ui| {
+        staying_menu(ui, "Save...", |ui| {
             file(ui, session, actions);
             self.save_as(ui, session, actions);
             ui.separator();

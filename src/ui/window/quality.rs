@@ -1,13 +1,12 @@
 //! The quality of the picture: how much is left out while something moves, and which faces are drawn at rest.
 
-use super::widgets::{labelled, number};
+use super::widgets::{labelled, number, staying_menu};
 use crate::lod::Partition;
 use crate::moments::CovDenominator;
 use crate::pipeline::{RenderMode, Sampling};
 use crate::playback::quality::Family;
 use crate::ui::{Action, Session, TARGET_FPS};
 use eframe::egui;
-use egui::containers::menu::{MenuButton, MenuConfig};
 use egui::{Align2, DragValue, Role, Sense, TextStyle, Ui, WidgetInfo, vec2};
 
 /// Width of the slider, of its box with a margin, and of the text beside both: that must not move what follows.
@@ -42,9 +41,8 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
         ui.end_row();
     }
     rate(ui, session, actions);
-    let stays = MenuConfig::new().close_behavior(egui::PopupCloseBehavior::CloseOnClickOutside);
     let short = FAMILIES.iter().find(|(family, ..)| *family == session.family()).map_or("", |(_, short, _)| short);
-    let menu = MenuButton::new(short).config(stays).ui(ui, |ui| {
+    let menu = staying_menu(ui, short, |ui| {
         ui.label("Fewer while moving:");
         for (family, _, text) in FAMILIES {
             if ui.selectable_label(family == session.family(), text).clicked() {
@@ -55,8 +53,8 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
         faces(ui, session, actions);
     });
     let name = "What is left out for speed";
-    menu.0.widget_info(|| WidgetInfo::labeled(Role::Button, true, name));
-    menu.0.on_hover_text(name);
+    menu.widget_info(|| WidgetInfo::labeled(Role::Button, true, name));
+    menu.on_hover_text(name);
     let drawn = session.drawn();
     let (place, response) = ui.allocate_exact_size(vec2(TEXT, ui.spacing().interact_size.y), Sense::hover());
     let (font, ink) = (TextStyle::Body.resolve(ui.style()), ui.visuals().text_color());

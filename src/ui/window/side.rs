@@ -7,7 +7,7 @@ use super::members::Members;
 use super::overlay::{self, Overlays, horizontal_strip};
 use super::project::{self, ProjectMenu};
 use super::welcome::{self, PathBox, Wish};
-use super::widgets::{chosen, color_button, number, within_width};
+use super::widgets::{chosen, color_button, number, staying_menu, within_width};
 use super::{point, statistics, surfaces};
 use crate::camera::{Axis, Projection};
 use crate::optics::OpticsKind;
@@ -16,7 +16,6 @@ use crate::transfer::{ColorMap, MappedRange, RangePolicy, Space};
 use crate::ui::settings::RecentFile;
 use crate::ui::{Action, IMAGE_SCALES, Session};
 use eframe::egui;
-use egui::containers::menu::{MenuButton, MenuConfig};
 use egui::{CollapsingHeader, DragValue, Role, Sense, Ui, WidgetInfo, vec2};
 
 /// Default width of the panel, points.
@@ -87,9 +86,7 @@ impl Side {
 /// The menu that opens other files.
 fn open(ui: &mut Ui, path_box: &mut PathBox, recent: &[RecentFile]) -> Option<Wish> {
     let mut wanted = None;
-    // Typing a path needs a menu that stays open when clicked.
-    let stays = MenuConfig::new().close_behavior(egui::PopupCloseBehavior::CloseOnClickOutside);
-    MenuButton::new("Open...").config(stays).ui(ui, |ui| {
+    staying_menu(ui, "Open...", |ui| {
         ui.label("Drop a file on the window, or name one:");
         wanted = path_box.show(ui);
         if !recent.is_empty() {

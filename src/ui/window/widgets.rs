@@ -1,7 +1,8 @@
 //! Small parts of the window.
 
 use eframe::egui;
-use egui::{Color32, Response, Role, Ui, WidgetInfo};
+use egui::containers::menu::{MenuButton, MenuConfig};
+use egui::{Color32, Response, Role, Ui, WidgetInfo, WidgetText};
 
 /// A display-referred colour.
 pub(super) fn color(rgb: [f32; 3]) -> Color32 {
@@ -32,6 +33,12 @@ pub(super) fn named(response: Response, role: Role, name: &str) -> Response {
 pub(super) fn labelled(response: Response, name: &str) -> Response {
     response.ctx.accesskit_node_builder(response.id, |node| node.set_label(name));
     response
+}
+
+/// A button that opens a menu, which stays open when something in it is clicked or typed; returns the button.
+pub(super) fn staying_menu(ui: &mut Ui, text: impl Into<WidgetText>, content: impl FnOnce(&mut Ui)) -> Response {
+    let stays = MenuConfig::new().close_behavior(egui::PopupCloseBehavior::CloseOnClickOutside);
+    MenuButton::new(text.into()).config(stays).ui(ui, content).0
 }
 
 /// A number box, named `name`.

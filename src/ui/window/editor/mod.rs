@@ -10,6 +10,7 @@ mod shapes;
 
 use super::overlay;
 use super::widgets::{chosen, number};
+use crate::project::Edit;
 use crate::transfer::{Function, MappedRange, Member, OpacityKind, RangeMap, Space, Widget};
 use crate::ui::{Action, Session, members, opacity};
 use canvas::{Canvas, HistogramPicture, Scales};
@@ -43,15 +44,11 @@ struct Edited<'a> {
 }
 
 impl Edited<'_> {
-    /// Adds the change that replaces the member.
-    fn set(&self, member: Member, actions: &mut Vec<Action>) {
+    /// The change that gives the member another function.
+    fn with_function(&self, function: Function) -> Action {
         let (ensemble, index) = self.place;
-        let edit = crate::project::Edit::SetMember { ensemble, index, member: Box::new(member) };
-        actions.push(Action::Edit(Box::new(edit)));
-    }
-
-    fn set_function(&self, function: Function, actions: &mut Vec<Action>) {
-        self.set(Member { function, ..self.member.clone() }, actions);
+        let member = Box::new(Member { function, ..self.member.clone() });
+        Action::Edit(Box::new(Edit::SetMember { ensemble, index, member }))
     }
 }
 
@@ -134,18 +131,17 @@ impl Editor {
                 Function::TransferFunction(polyline.unwrap_or_else(|| edited.session.look().tf.clone()))
             }
         };
-        edited.set_function(function, actions);
+        actions.push(edited.with_function(function));
     }
 
     /// The histogram with the curve or shapes over it, and the range map below it.
     fn picture(&mut self, ui: &mut Ui, edited: Edited<'_>, actions: &mut Vec<Action>) {
         let Edited { session, member, .. } = edited;
         let axes = member.space.axes();
-        let (curve_colors, map_height) = match &member.function {
-            Function::TransferFunction(tf) => (Some(tf.color_map()), range_map::HEIGHT),
-            Function::Widgets(_) => (None, range_map::HEIGHT),
+        let colors_height = match &member.function {
+            Function::TransferFunction(_) => curve::COLORS_HEIGHT,
+            Function::Widgets(_) => 0.0,
         };
-        let colors_height = if curve_colors.is_some() { curve::COLORS_HEIGHT } else { 0.0 };
         let size = vec2(ui.available_width(), HEIGHTS[axes - 1] + colors_height);
         let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
         let canvas = Canvas::in_rect(rect.with_max_y(rect.bottom() - colors_height));
@@ -177,7 +173,7 @@ impl Editor {
         response.widget_info(|| WidgetInfo::labeled(Role::Image, true, &name));
         let under = response.hover_pos().filter(|at| canvas.rect.contains(*at)).map(|at| canvas.position(at));
         let (strip, map_response) =
-            ui.allocate_exact_size(vec2(ui.available_width(), map_height), Sense::click_and_drag());
+            ui.allocate_exact_size(vec2(ui.available_width(), range_map::HEIGHT), Sense::click_and_drag());
         let map_strip = Canvas::in_rect(strip);
         self.map.strip(ui, &map_response, &map_strip, edited, actions);
         let text = match under {

@@ -4,7 +4,7 @@
 //! one, right-click to remove it.
 
 use super::Edited;
-use super::canvas::{Canvas, Scales};
+use super::canvas::Canvas;
 use super::curve::POINT;
 use crate::histograms::Histogram;
 use crate::transfer::{RangeMap, Space};
@@ -148,9 +148,7 @@ fn counts(histogram: &Histogram, edited: Edited<'_>) -> Vec<u64> {
     let identity = RangeMap::default();
     let axis = match edited.member.space {
         Space::Cov => DrawnAxis::Bins(&identity),
-        Space::Scalar | Space::ScalarGradient | Space::ScalarCov => {
-            DrawnAxis::Values(Scales { range: edited.range, map: &identity }.range, &identity)
-        }
+        Space::Scalar | Space::ScalarGradient | Space::ScalarCov => DrawnAxis::Values(edited.range, &identity),
     };
     let counted = match histogram {
         Histogram::One(one) => bars::columns(one, axis, BINS).counts,

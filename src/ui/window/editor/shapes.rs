@@ -83,9 +83,6 @@ impl ShapeEditor {
         if response.has_focus() && response.ctx.input(deletes) && !widgets.is_empty() {
             actions.push(without(edited, widgets, self.selected));
         }
-        if response.clicked() {
-            response.request_focus();
-        }
     }
 
     /// Draws the shapes, the selected one with its handles.
@@ -116,7 +113,7 @@ impl ShapeEditor {
                 for kind in Kind::ALL.into_iter().filter(|kind| kind.shape(0).suits(axes)) {
                     if ui.button(kind.name()).clicked() {
                         let all = widgets.iter().cloned().chain([kind.shape(widgets.len())]).collect();
-                        actions.push(with_all(edited, all));
+                        actions.push(edited.with_function(Function::Widgets(all)));
                         self.selected = widgets.len();
                         ui.close();
                     }
@@ -193,22 +190,14 @@ fn unit(rgb: [u8; 3]) -> [f64; 3] {
     rgb.map(|c| f64::from(c) / 255.0)
 }
 
-fn with_all(edited: Edited<'_>, widgets: Vec<Widget>) -> Action {
-    let mut actions = Vec::with_capacity(1);
-    edited.set_function(Function::Widgets(widgets), &mut actions);
-    actions.remove(0)
-}
-
 fn with(edited: Edited<'_>, widgets: &[Widget], index: usize, changed: Widget) -> Action {
     let replaced = |(i, widget): (usize, &Widget)| if i == index { changed.clone() } else { widget.clone() };
-    with_all(edited, widgets.iter().enumerate().map(replaced).collect())
+    edited.with_function(Function::Widgets(widgets.iter().enumerate().map(replaced).collect()))
 }
 
 fn without(edited: Edited<'_>, widgets: &[Widget], index: usize) -> Action {
-    with_all(
-        edited,
-        widgets.iter().enumerate().filter(|(i, _)| *i != index).map(|(_, widget)| widget.clone()).collect(),
-    )
+    let others = widgets.iter().enumerate().filter(|(i, _)| *i != index);
+    edited.with_function(Function::Widgets(others.map(|(_, widget)| widget.clone()).collect()))
 }
 
 /// The inside of a shape, as opaque as it is, but seen in any case.
