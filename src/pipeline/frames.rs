@@ -84,13 +84,32 @@ fn is_there(frame: &Frame) -> bool {
     frame.texture.as_ref().is_none_or(|texture| texture.context().check().is_ok())
 }
 
+/// Bytes that caches of frames may have together: each holder of a clone has an equal share.
+#[derive(Clone, Debug, Default)]
+pub(super) struct FrameBudget {
+    bytes: u64,
+    holders: Arc<()>,
+}
+
+impl FrameBudget {
+    /// A budget in bytes.
+    pub(super) fn new(bytes: u64) -> Self {
+        Self { bytes, ..Self::default() }
+    }
+
+    /// What each cache may have now.
+    fn share(&self) -> u64 {
+        self.bytes / Arc::strong_count(&self.holders).max(1) as u64
+    }
+}
+
 /// Cache of frames of one view within a budget of bytes, keyed by the whole request.
 ///
 /// A change of the view removes all of them: it may never come back. With the budget used up no new frame is kept. In a loop that does not
 /// fit, the frames kept first are hit in every round; evicting the oldest would remove each just before its turn.
 #[derive(Debug, Default)]
 pub(super) struct FrameCache {
-    budget_bytes: u64,
+    budget: FrameBudget,
     bytes: u64,
     /// Frames of the same view.
     frames: Vec<(FrameRequest, SharedFrame)>,
@@ -99,8 +118,13 @@ pub(super) struct FrameCache {
 }
 
 impl FrameCache {
-    pub(super) fn new(budget_bytes: u64) -> Self {
-        Self { budget_bytes, ..Self::default() }
+    pub(super) fn new(budget: FrameBudget) -> Self {
+        Self { budget, ..Self::default() }
+    }
+
+    /// Its budget, of which a cache with a clone has a share.
+    pub(super) fn budget(&self) -> FrameBudget {
+        self.budget.clone()
     }
 
     /// The cached frame of a request, if there is one.
@@ -124,16 +148,17 @@ impl FrameCache {
         }
         self.turn_to(series, request);
         let bytes = bytes_of(frame);
-        if self.bytes.saturating_add(bytes) <= self.budget_bytes {
+        if self.bytes.saturating_add(bytes) <= self.budget.share() {
             self.bytes += bytes;
             self.frames.push((request.clone(), frame.clone()));
         }
     }
 
-    /// Removes the frames of another view.
+    /// Removes the frames of another view, and all if the share was larger when they were kept.
     fn turn_to(&mut self, series: &Arc<Series>, request: &FrameRequest) {
         let is_other_view = self.frames.first().is_some_and(|(kept, _)| !kept.same_view(request));
-        if is_other_view || self.series.as_ptr() != Arc::as_ptr(series) {
+        let are_too_many = self.bytes > self.budget.share();
+        if is_other_view || are_too_many || self.series.as_ptr() != Arc::as_ptr(series) {
             self.frames.clear();
             (self.bytes, self.series) = (0, Arc::downgrade(series));
         }
@@ -191,7 +216,7 @@ mod tests {
             (frame.planes.color.pixels, frame.planes.depth.pixels) = (vec![[0.0; 4]; 100], vec![0.0; 100]);
             frame
         };
-        let mut cache = FrameCache::new(3 * 100 * 20);
+        let mut cache = FrameCache::new(FrameBudget::new(3 * 100 * 20));
         for round in 0..3 {
             let mut found = Vec::new();
             for step in 0..5 {
@@ -202,6 +227,32 @@ mod tests {
             }
             assert_eq!(found, if round == 0 { vec![] } else { vec![0, 1, 2] });
         }
+    }
+
+    #[test]
+    fn a_cache_beside_another_has_half_of_its_budget_until_that_one_ends() {
+        let (pool, (series, _)) = (FramePool::default(), test_series::logged(5));
+        let frame = || {
+            let mut frame = Frame::default();
+            frame.planes.color.pixels = vec![[0.0; 4]; 100];
+            pool.share(frame)
+        };
+        let kept = |cache: &mut FrameCache| {
+            (0..5).for_each(|step| {
+                if cache.get(&series, &request(step)).is_none() {
+                    cache.put(&series, &request(step), &frame());
+                }
+            });
+            (0..5).filter(|&step| cache.get(&series, &request(step)).is_some()).count()
+        };
+        let budget = FrameBudget::new(4 * 100 * 16);
+        let mut cache = FrameCache::new(budget.clone());
+        drop(budget);
+        assert_eq!(kept(&mut cache), 4);
+        let beside = FrameCache::new(cache.budget.clone());
+        assert_eq!(kept(&mut cache), 2, "of those kept before none is left, and two fit");
+        drop(beside);
+        assert_eq!(kept(&mut cache), 4);
     }
 
     #[test]
@@ -220,7 +271,7 @@ mod tests {
             },
         ];
         for change in others {
-            let mut cache = FrameCache::new(u64::MAX);
+            let mut cache = FrameCache::new(FrameBudget::new(u64::MAX));
             assert!(cache.get(&series, &request(0)).is_none());
             cache.put(&series, &request(0), &pool.share(Frame::default()));
             let same = with_nodes(&request(0), nodes_of(&request(0)));

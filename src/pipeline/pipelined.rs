@@ -18,7 +18,7 @@
 //! - **Blocks** are loaded in the order in which the player expects to need them ([`crate::codec::blocks`]), on a thread of its own.
 //! - **Frames** of an unchanged view are cached within a budget, keyed by the whole request: a loop over a fixed view is rendered once.
 
-use super::frames::{FrameCache, FramePool};
+use super::frames::{FrameBudget, FrameCache, FramePool};
 use super::prefetch::Prefetcher;
 use super::priority::give_way;
 use super::queue::{Before, FrameId, PREPARATIONS, Preparations, Queue};
@@ -60,8 +60,29 @@ pub struct Pipelined {
     deliveries: Option<Receiver<Delivery>>,
     threads: Option<Threads>,
     prefetcher: Prefetcher,
+    pools: Pools,
+}
+
+/// The threads that stages compute on. Clones are the same threads.
+#[derive(Clone)]
+struct Pools {
+    preparing: Arc<ThreadPool>,
+    /// `None`: rayon's global pool.
+    rendering: Option<Arc<ThreadPool>>,
     /// Threads that render on the CPU.
     render_threads: usize,
+}
+
+impl Pools {
+    fn new(options: &PipelinedOptions) -> io::Result<Self> {
+        let has_its_own = options.threads.is_some() || options.give_way;
+        let rendering = has_its_own.then(|| pool(options, "render")).transpose()?;
+        Ok(Self {
+            preparing: Arc::new(pool(options, "prepare")?),
+            rendering: rendering.map(Arc::new),
+            render_threads: options.threads.unwrap_or_else(rayon::current_num_threads),
+        })
+    }
 }
 
 struct Threads {
@@ -92,17 +113,33 @@ impl Pipelined {
         options: &PipelinedOptions,
         delivered: impl Fn() + Send + Sync + 'static,
     ) -> io::Result<Self> {
+        Self::start_on(Pools::new(options)?, FrameBudget::new(options.frame_cache_bytes), pipeline, delivered)
+    }
+
+    /// Starts a pipeline beside this one, which computes on the same threads. The frames that each keeps share the budget of one.
+    ///
+    /// # Errors
+    /// As [`Self::start`].
+    pub fn start_beside(&self, pipeline: Pipeline, delivered: impl Fn() + Send + Sync + 'static) -> io::Result<Self> {
+        let frames = self.shared.kept().budget();
+        Self::start_on(self.pools.clone(), frames, pipeline, delivered)
+    }
+
+    fn start_on(
+        pools: Pools,
+        frames: FrameBudget,
+        pipeline: Pipeline,
+        delivered: impl Fn() + Send + Sync + 'static,
+    ) -> io::Result<Self> {
         let Pipeline { series, decode, order, renderers } = pipeline;
         let shared = Shared {
             queue: Arc::new(Queue::default()),
-            kept: Arc::new(Mutex::new(FrameCache::new(options.frame_cache_bytes))),
+            kept: Arc::new(Mutex::new(FrameCache::new(frames))),
             pool: FramePool::default(),
             thread_limit: ThreadLimit::none(),
             was_on_cpu: Arc::default(),
         };
-        let preparing = Arc::new(pool(options, "prepare")?);
-        let has_its_own = options.threads.is_some() || options.give_way;
-        let rendering = has_its_own.then(|| pool(options, "render")).transpose()?;
+        let Pools { preparing, rendering, .. } = pools.clone();
         let (to_order, from_decode) = bounded(PREPARATIONS);
         let (to_render, from_order) = bounded(PREPARATIONS);
         let (to_owner, deliveries) = bounded(1);
@@ -119,20 +156,19 @@ impl Pipelined {
                 })?,
                 render: Builder::new().name("render".to_owned()).spawn({
                     let shared = shared.clone();
-                    move || render_all(renderers, &shared, rendering.as_ref(), &from_order, &to_owner, &delivered)
+                    move || render_all(renderers, &shared, rendering.as_deref(), &from_order, &to_owner, &delivered)
                 })?,
             })
         };
         // Threads already started must end: nobody can make requests.
         let threads = spawn().inspect_err(|_| shared.queue.close())?;
-        let render_threads = options.threads.unwrap_or_else(rayon::current_num_threads);
-        Ok(Self { render_threads, series, shared, deliveries: Some(deliveries), threads: Some(threads), prefetcher })
+        Ok(Self { pools, series, shared, deliveries: Some(deliveries), threads: Some(threads), prefetcher })
     }
 
     /// Leaves a core to other threads while `leave` is set, effective within the frame being rendered on the CPU; a single core is used
     /// anyway.
     pub fn leave_a_core(&self, leave: bool) {
-        self.shared.thread_limit.set(leave.then(|| self.render_threads.saturating_sub(1)));
+        self.shared.thread_limit.set(leave.then(|| self.pools.render_threads.saturating_sub(1)));
     }
 
     /// The series that requests refer to.

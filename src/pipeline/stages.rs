@@ -54,7 +54,7 @@ impl Shared {
         }
     }
 
-    fn kept(&self) -> MutexGuard<'_, FrameCache> {
+    pub(super) fn kept(&self) -> MutexGuard<'_, FrameCache> {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
