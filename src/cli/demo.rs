@@ -64,7 +64,7 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         terminal
             .say(&format!("playing {path} (again: tetreel play {path}); with --no-window there are pictures instead"));
         let background = Some(BACKGROUND_COLOR);
-        let playing = Playing { background, follows: false, size: None, plays: true, project: None };
+        let playing = Playing { background, follows: false, beside: None, size: None, plays: true, project: None };
         let start = Start::Play(Box::new(play::open_store(&store_path, &scene_args)?));
         match play::show(start, &scene_args, &playing, terminal) {
             Err(error) if error.is::<WindowError>() => terminal.say(&format!("{error}; here they are")),

@@ -41,6 +41,9 @@ pub(super) struct Args {
     /// Take up steps that are added to the store while it plays (by import --append)
     #[arg(long)]
     follow: bool,
+    /// Show this store, source or project beside it, on one clock; where the field has the same name it has the same colours
+    #[arg(long, value_name = "NAME.zarr|PROJECT.toml")]
+    beside: Option<PathBuf>,
     #[command(flatten)]
     scene: SceneArgs,
     /// Size of the window in points: pixels, unless the screen is scaled (default: as it was last)
@@ -103,13 +106,21 @@ fn play(paths: &[PathBuf], args: &Args, of: Option<OfFile>, terminal: &Terminal)
             Start::Open(paths.to_vec())
         }
     };
+    if let Some(beside) = &args.beside {
+        if paths.is_empty() {
+            bail!("--beside needs a series to be beside");
+        }
+        if !beside.exists() {
+            bail!("--beside: {}: there is no such file", beside.display());
+        }
+    }
     if !has_display() {
         bail!(
             "there is no display for a window (DISPLAY and WAYLAND_DISPLAY are not set); `tetreel render` makes pictures without one"
         );
     }
-    let (background, follows, size) = (args.background, args.follow, args.size);
-    show(start, &args.scene, &Playing { background, follows, size, plays: false, project: of }, terminal)?;
+    let (background, follows, size, beside) = (args.background, args.follow, args.size, args.beside.clone());
+    show(start, &args.scene, &Playing { background, follows, beside, size, plays: false, project: of }, terminal)?;
     Ok(Outcome::Done)
 }
 
@@ -140,6 +151,8 @@ pub(super) struct Playing {
     pub(super) background: Option<[f32; 3]>,
     /// Whether steps added to the store are shown.
     pub(super) follows: bool,
+    /// What is shown beside the series.
+    pub(super) beside: Option<PathBuf>,
     /// Size in points; `None`: the saved one.
     pub(super) size: Option<SizePx>,
     /// Whether it plays at once, in a loop.
@@ -171,6 +184,7 @@ pub(super) fn show(start: Start, scene: &SceneArgs, playing: &Playing, terminal:
         dress,
         projects: Arc::new(|path: &Path| read_project(path).map_err(|error| format!("{error:#}"))),
         restores,
+        beside: playing.beside.clone(),
         follows,
         plays,
         opening,

@@ -11,6 +11,7 @@ use crate::playback::quality::Family;
 use crate::project::Edit;
 use crate::transfer::{ColorMap, OpacityKind, OpacityPoint, RangePolicy};
 use crate::ui::tracks::KeyAction;
+use crate::ui::views::ViewAction;
 use glam::DVec2;
 use std::path::PathBuf;
 
@@ -165,4 +166,6 @@ pub enum Action {
     Revert,
     /// Dismisses a message.
     Dismiss(usize),
+    /// Arranges two views, where there are two ([`Views`](crate::ui::views::Views)); a view alone does nothing.
+    View(ViewAction),
 }

@@ -6,6 +6,7 @@ use crate::camera::Axis;
 use crate::look::EnsembleChoice;
 use crate::playback::Command;
 use crate::ui::tracks::KeyAction;
+use crate::ui::views::ViewAction;
 
 /// One line of the table.
 #[derive(Clone, Debug, PartialEq)]
@@ -77,6 +78,7 @@ pub fn bindings() -> Vec<Binding> {
         ctrl("S", false, Action::SaveProject { to: None, may_replace: false }, "save the project"),
         ctrl("E", false, Action::Export(ExportAction::Dialog), "export images or a movie"),
         plain("S", Action::Screenshot, "save the picture as a PNG file here"),
+        plain("T", Action::View(ViewAction::Turn), "the other one of two views"),
         plain("F11", Action::Fullscreen, "the whole screen, or the window again"),
         plain("Escape", Action::Close, "close the help, a message, the followed point"),
         plain("H", Action::Help, "this help"),

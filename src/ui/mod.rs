@@ -26,6 +26,8 @@
 //! - **One core is the window's** while the user acts and for 250 ms after: renderers on the CPU ask `ThreadLimit` for a turn before each
 //!   tile, so that this also holds for the frame being rendered. At all times rendering and preparing threads give way to the window's
 //!   (`PipelinedOptions::give_way`).
+//! - **Two views** are two sessions on one clock ([`views`]): the active one leads, the other one is sent after it. Which one is active is
+//!   where the user acts.
 //! - **Painted once for each input.** User actions are applied in the first layout of a pass; a second layout, before painting, shows their
 //!   effect.
 //! - **One device.** The window is painted with the device that frames are rendered on. `FrameRequest::for_window` leaves such a frame
@@ -84,6 +86,7 @@ pub mod strip;
 pub mod survey;
 pub mod thumbnails;
 pub mod tracks;
+pub mod views;
 #[cfg(feature = "gui")]
 pub mod window;
 mod worker;

@@ -23,13 +23,15 @@ pub struct OpeningOptions {
     pub cache: ImportCache,
     /// Bytes for blocks of steps.
     pub block_bytes: u64,
+    /// Blocks of a series that is played, within whose budget this one stays; `None`: its own.
+    pub blocks: Option<Arc<BlockCache>>,
     /// The field; `None`: the first.
     pub field: Option<FieldSelector>,
 }
 
 impl Default for OpeningOptions {
     fn default() -> Self {
-        Self { cache: ImportCache::of_user(), block_bytes: Series::BLOCK_BYTES, field: None }
+        Self { cache: ImportCache::of_user(), block_bytes: Series::BLOCK_BYTES, blocks: None, field: None }
     }
 }
 
@@ -113,6 +115,17 @@ impl Opening {
     pub fn start(paths: Vec<PathBuf>, options: OpeningOptions, wake: Wake) -> Self {
         let opened = paths.clone();
         Self::start_job(paths, wake, move |shared, cancel| open(&opened, &options, shared, cancel))
+    }
+
+    /// Starts to open another field of the store of an opened series, on the same mesh and within the same budget.
+    pub fn start_field(opened: Opened, field: FieldSelector, wake: Wake) -> Self {
+        let paths = vec![opened.path.clone()];
+        Self::start_job(paths, wake, move |_, cancel| {
+            let series = Arc::new(opened.series.reopened(&opened.store, Some(&field))?);
+            // Steps that cannot be read are reported when shown.
+            let _ = series.distribution(cancel);
+            Ok(Opened { series, ..opened })
+        })
     }
 
     fn start_job(
@@ -250,7 +263,8 @@ fn open(paths: &[PathBuf], options: &OpeningOptions, shared: &Shared, cancel: &C
         return Err(IngestError::Cancelled.into());
     }
     shared.stage(format!("reading the mesh of {name}"), STEPS_SHARE[1]);
-    let blocks = Arc::new(BlockCache::new(options.block_bytes));
+    let own = || Arc::new(BlockCache::new(options.block_bytes));
+    let blocks = options.blocks.clone().unwrap_or_else(own);
     let series = Series::open_with(&store, options.field.as_ref(), blocks)?;
     // Computed here, so that the window need not wait. Steps that cannot be read are reported when shown.
     let _ = series.distribution(cancel);

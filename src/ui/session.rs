@@ -2,13 +2,16 @@
 
 mod act;
 mod export;
+mod growth;
 mod insight;
+mod led;
 mod quality;
 mod tick;
 mod tracks;
 
 use super::document::Document;
 use super::exporting::Exports;
+use super::following::Follower;
 use super::history::History;
 use super::insight::Insight;
 use super::jobs::Jobs;
@@ -22,7 +25,7 @@ use crate::camera::Camera;
 use crate::look::{Look, mapped_range};
 use crate::pipeline::{FrameRequest, KeyedSurfaces, Series, SharedFrame, SurfaceLook};
 use crate::playback::quality::{Family, Quality, QualityControl};
-use crate::playback::{Command, Player, State};
+use crate::playback::{Player, Settings, State};
 use crate::project::{Data, Edit, Project};
 use crate::store::Store;
 use crate::timeline::At;
@@ -146,6 +149,13 @@ pub struct Session {
     screenshot_folder: PathBuf,
     /// Number of cells of each connected part of the mesh; computed at first use.
     part_sizes: OnceCell<Vec<usize>>,
+    shared: led::Share,
+    /// Watches a store that grows.
+    follower: Option<Follower>,
+    /// Time and settings of the clock that leads this one.
+    led_to: Option<(f64, Settings)>,
+    /// Whether the next viewport of another shape is fitted to the whole mesh.
+    refits: bool,
 }
 
 /// Valid image scales.
@@ -209,6 +219,10 @@ impl Session {
             wants_screenshot: false,
             screenshot_folder,
             part_sizes: OnceCell::new(),
+            shared: Default::default(),
+            follower: None,
+            led_to: None,
+            refits: false,
         })
     }
 
@@ -233,7 +247,7 @@ impl Session {
     }
 
     /// Store of the series and other fields.
-    pub fn store(&self) -> &Store {
+    pub fn store(&self) -> &Arc<Store> {
         &self.store
     }
 
@@ -409,24 +423,6 @@ impl Session {
         }
     }
 
-    /// Continues with the grown series.
-    ///
-    /// At rest on the last step it goes on to the new last one.
-    pub fn grow(&mut self, store: Arc<Store>, series: Arc<Series>, now: Duration) {
-        let before = self.state();
-        let is_at_end = !before.playing && before.frame.is_some_and(|frame| frame.step() + 1 == before.steps);
-        match self.player.grow(series) {
-            Ok(()) => {
-                self.store = store;
-                self.study();
-                if is_at_end && let Err(error) = self.player.apply(Command::SeekStep(usize::MAX), now) {
-                    self.fail(error.to_string());
-                }
-            }
-            Err(error) => self.fail(error.to_string()),
-        }
-    }
-
     /// Restarts the background work for another series.
     fn study(&mut self) {
         let series = self.series().clone();
@@ -505,11 +501,13 @@ impl Session {
 
     /// Sets the size of the viewport in pixels of the screen; 0: nothing is rendered.
     pub fn set_viewport(&mut self, width_px: usize, height_px: usize) {
-        let is_first = self.viewport_px.is_none();
+        let before = self.viewport_px;
         self.viewport_px = Some((width_px, height_px)).filter(|_| width_px > 0 && height_px > 0);
-        if is_first && !self.camera_is_chosen {
+        let is_refitted = self.refits && before != self.viewport_px;
+        if (before.is_none() || is_refitted) && !self.camera_is_chosen {
             self.look.camera = self.home_camera();
         }
+        self.refits &= !is_refitted;
     }
 
     /// Width and height of images in full; those in motion may be smaller.

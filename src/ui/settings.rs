@@ -15,6 +15,7 @@ use crate::transfer::{RangePolicy, TransferFunction};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
+use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf, absolute};
@@ -30,6 +31,8 @@ const VERSION: u64 = 1;
 const BYTES_MAX: u64 = 4 << 20;
 /// Smallest and largest width or height of a window, points.
 const WINDOW_SIDE: [f32; 2] = [320.0, 16384.0];
+/// Parts of the side panel that are remembered.
+const SECTIONS_MAX: usize = 50;
 /// Largest size of the frame cache, bytes.
 const FRAME_CACHE_MAX: u64 = 64 << 30;
 
@@ -96,6 +99,8 @@ pub struct Settings {
     pub frame_cache_bytes: u64,
     /// Folder of the last screenshot.
     pub screenshot_folder: Option<PathBuf>,
+    /// Parts of the side panel by title that the user opened or closed.
+    pub open_sections: BTreeMap<String, bool>,
 }
 
 impl Default for Settings {
@@ -112,6 +117,7 @@ impl Default for Settings {
             gives_up: None,
             frame_cache_bytes: PipelinedOptions::default().frame_cache_bytes,
             screenshot_folder: None,
+            open_sections: BTreeMap::new(),
         }
     }
 }
@@ -167,6 +173,9 @@ impl Settings {
         self.target_rate = if rate <= 0.0 { 0.0 } else { rate.clamp(*TARGET_FPS.start(), *TARGET_FPS.end()) };
         self.frame_cache_bytes = self.frame_cache_bytes.min(FRAME_CACHE_MAX);
         self.screenshot_folder = self.screenshot_folder.filter(|folder| is_text(folder));
+        while self.open_sections.len() > SECTIONS_MAX {
+            self.open_sections.pop_last();
+        }
         self
     }
 
@@ -184,6 +193,7 @@ impl Settings {
         take(map, "gives_up", &mut settings.gives_up, &mut wrong);
         take(map, "frame_cache_bytes", &mut settings.frame_cache_bytes, &mut wrong);
         take(map, "screenshot_folder", &mut settings.screenshot_folder, &mut wrong);
+        take(map, "open_sections", &mut settings.open_sections, &mut wrong);
         (settings.within_bounds(), wrong)
     }
 }

@@ -258,6 +258,7 @@ fn any_settings() -> impl Strategy<Value = Settings> {
             gives_up: shows_side.then_some(Family::Rays),
             frame_cache_bytes: bytes,
             screenshot_folder: None,
+            open_sections: [("Opacity".to_owned(), shows_side)].into(),
         };
         settings.within_bounds()
     })

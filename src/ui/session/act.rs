@@ -164,6 +164,7 @@ impl Session {
             Action::Fullscreen => self.is_fullscreen = !self.is_fullscreen,
             Action::Close => self.close(),
             Action::Revert => self.document.revert(&mut self.look),
+            Action::View(_) => {}
             Action::Dismiss(index) => {
                 if index < self.notices.len() {
                     self.notices.remove(index);

@@ -17,6 +17,7 @@ impl Session {
     /// the latest (`None`: after an action, or when woken).
     pub fn tick(&mut self, now: Duration) -> (bool, Option<Duration>) {
         self.finish_jobs();
+        self.take_growth(now);
         self.tick_exports();
         let passes = notice::pass(&mut self.notices, now);
         self.requests.worker.collect();
@@ -25,7 +26,8 @@ impl Session {
         let Some(size) = self.size_px() else { return (false, passes) };
         // An image to be saved must be on the CPU.
         let is_elsewhere = self.shown.as_ref().is_some_and(|shown| shown.frame.planes.color.pixels.is_empty());
-        let for_window = self.has_window_gpu && !(self.wants_screenshot && is_elsewhere);
+        let is_wanted_here = self.shared.is_compared || (self.wants_screenshot && is_elsewhere);
+        let for_window = self.has_window_gpu && !is_wanted_here;
         let (series, target_ms, family) = (self.series().clone(), self.target_ms(&state, now), self.family);
         self.look_at_costs(size);
         self.requests.previews = if target_ms.is_none() { self.previews() } else { Vec::new() };
@@ -191,6 +193,9 @@ impl Session {
                     self.opens_field = false;
                     let [before, first] = *looks;
                     self.turn_to_field(&series.field().name, &before, first);
+                    if let Some(follower) = &self.follower {
+                        follower.set_field(series.clone());
+                    }
                     self.player.set_series(series);
                     self.quality.forget_all();
                     (self.moved, self.motion_error) = (None, None);

@@ -101,13 +101,7 @@ impl Default for Overlays {
 pub(super) fn show(ui: &Ui, rect: Rect, session: &Session, painted: Option<Painted>, overlays: Overlays) {
     let painter = ui.painter().with_clip_rect(rect);
     let (ink, halo) = inks(session.background());
-    let font = FontId::proportional(TEXT);
-    let write = |at: Pos2, align: Align2, text: &str| {
-        for offset in [vec2(1.0, 1.0), vec2(-1.0, 1.0), vec2(1.0, -1.0), vec2(-1.0, -1.0)] {
-            painter.text(at + offset, align, text, font.clone(), halo.gamma_multiply(0.5));
-        }
-        painter.text(at, align, text, font.clone(), ink);
-    };
+    let write = |at: Pos2, align: Align2, text: &str| write(&painter, session.background(), at, align, text);
     let field = session.series().field();
     let inner = rect.shrink(MARGIN);
     write(inner.left_top(), Align2::LEFT_TOP, &shortened(&title(field), NAME.0));
@@ -133,14 +127,50 @@ pub(super) fn show(ui: &Ui, rect: Rect, session: &Session, painted: Option<Paint
     for (above, line) in (1_u8..).zip(lines) {
         write(inner.left_bottom() - vec2(0.0, f32::from(above) * LINE), Align2::LEFT_BOTTOM, &line);
     }
-    let has_room = rect.width() >= LEGEND_ROOM.0 && rect.height() >= LEGEND_ROOM.1;
-    if let Some((range, color)) = session.legend().filter(|_| overlays.legend && has_room) {
-        let height = BAR.1 * rect.height();
-        let bar = Rect::from_min_size(pos2(inner.right() - BAR.0, rect.center().y - 0.5 * height), vec2(BAR.0, height));
-        painter.add(vertical_strip(bar, color));
-        painter.rect_stroke(bar, 0.0, Stroke::new(1.0, ink), StrokeKind::Outside);
-        legend(&painter, ink, bar, &range, &shortened(&title(field), NAME.1), &write);
+    if let Some((range, color)) = session.legend().filter(|_| overlays.legend) {
+        color_bar(ui, rect, session.background(), &range, &shortened(&title(field), NAME.1), color);
     }
+}
+
+/// Writes a text over a background, with a halo.
+fn write(painter: &Painter, background: [f32; 3], at: Pos2, align: Align2, text: &str) {
+    let ((ink, halo), font) = (inks(background), FontId::proportional(TEXT));
+    for offset in [vec2(1.0, 1.0), vec2(-1.0, 1.0), vec2(1.0, -1.0), vec2(-1.0, -1.0)] {
+        painter.text(at + offset, align, text, font.clone(), halo.gamma_multiply(0.5));
+    }
+    painter.text(at, align, text, font, ink);
+}
+
+/// Writes lines of text into the upper left corner of a picture.
+pub(super) fn lines(ui: &Ui, rect: Rect, background: [f32; 3], lines: &[String]) {
+    let painter = ui.painter().with_clip_rect(rect);
+    let mut at = rect.shrink(MARGIN).left_top();
+    for line in lines {
+        write(&painter, background, at, Align2::LEFT_TOP, line);
+        at.y += LINE;
+    }
+}
+
+/// The meaning of colours by positions 0..=1 of a range, on the right of a picture that has the room.
+pub(super) fn color_bar(
+    ui: &Ui,
+    rect: Rect,
+    background: [f32; 3],
+    range: &MappedRange,
+    title: &str,
+    color: impl Fn(f64) -> [f64; 3],
+) {
+    if rect.width() < LEGEND_ROOM.0 || rect.height() < LEGEND_ROOM.1 {
+        return;
+    }
+    let (painter, inner) = (ui.painter().with_clip_rect(rect), rect.shrink(MARGIN));
+    let (ink, _) = inks(background);
+    let height = BAR.1 * rect.height();
+    let bar = Rect::from_min_size(pos2(inner.right() - BAR.0, rect.center().y - 0.5 * height), vec2(BAR.0, height));
+    painter.add(vertical_strip(bar, color));
+    painter.rect_stroke(bar, 0.0, Stroke::new(1.0, ink), StrokeKind::Outside);
+    let write = |at: Pos2, align: Align2, text: &str| write(&painter, background, at, align, text);
+    legend(&painter, ink, bar, range, title, &write);
 }
 
 /// The legend: a colour bar with numbers beside it, and above it the quantity and the numbers' common factor.

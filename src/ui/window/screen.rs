@@ -3,7 +3,7 @@
 use super::blit::{Backdrop, Blit, BoundPicture};
 use super::painted::Painted;
 use super::viewport;
-use crate::pipeline::{FrameTime, SharedFrame, WindowGpu};
+use crate::pipeline::{FrameTime, SharedFrame};
 use crate::render::gpu::context::Context;
 use crate::ui::Session;
 use crate::ui::picture::{Picture, PictureMaker};
@@ -40,6 +40,12 @@ struct Shown {
     frame: Option<SharedFrame>,
 }
 
+/// The window's GPU, for renderers.
+pub(super) fn context_of(render_state: &RenderState) -> Context {
+    let RenderState { adapter, device, queue, .. } = render_state;
+    Context::of_window(adapter, device.clone(), queue.clone())
+}
+
 /// The screen.
 pub(super) struct Screen {
     pictures: PictureMaker<Source>,
@@ -62,13 +68,10 @@ impl Screen {
     }
 
     /// Sets the window's GPU: frames rendered on it are shown without a copy.
-    pub(super) fn attach(&mut self, render_state: &RenderState, gpu: &WindowGpu) {
-        let RenderState { adapter, device, queue, .. } = render_state;
-        let context = Arc::new(Context::of_window(adapter, device.clone(), queue.clone()));
-        gpu.set(context.clone());
+    pub(super) fn attach(&mut self, render_state: &RenderState, context: &Arc<Context>) {
         self.detach();
         let blit = Arc::new(Blit::new(render_state));
-        self.gpu = Some(WindowScreen { render_state: render_state.clone(), context, blit, cpu: None });
+        self.gpu = Some(WindowScreen { render_state: render_state.clone(), context: context.clone(), blit, cpu: None });
     }
 
     /// Drops the window's GPU and its pictures.

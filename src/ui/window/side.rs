@@ -1,5 +1,6 @@
 //! The side panel: controls of data and look.
 
+use super::beside::{self, BesidePanel};
 use super::cameras::CameraMenu;
 use super::editor::Editor;
 use super::function_file::FunctionMenu;
@@ -13,10 +14,13 @@ use crate::camera::{Axis, Projection};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode};
 use crate::transfer::{ColorMap, MappedRange, RangePolicy, Space};
-use crate::ui::settings::RecentFile;
+use crate::ui::settings::{RecentFile, Settings};
+use crate::ui::views::Views;
 use crate::ui::{Action, IMAGE_SCALES, Session};
 use eframe::egui;
+use egui::collapsing_header::CollapsingState;
 use egui::{CollapsingHeader, DragValue, Role, Sense, Ui, WidgetInfo, vec2};
+use std::collections::BTreeMap;
 
 /// Default width of the panel, points.
 pub(super) const WIDTH: f32 = 250.0;
@@ -29,6 +33,7 @@ pub(super) struct Side {
     members: Members,
     project: ProjectMenu,
     cameras: CameraMenu,
+    beside: BesidePanel,
 }
 
 impl Side {
@@ -54,32 +59,66 @@ impl Side {
         self.editor.take_wanted()
     }
 
-    /// Shows the panel.
-    pub(super) fn show(&mut self, ui: &mut Ui, session: &Session, overlays: &mut Overlays, actions: &mut Vec<Action>) {
+    /// The difference of two views to be painted, if it is shown and known.
+    pub(super) fn difference_of(&mut self, ctx: &egui::Context, views: &Views) -> Option<beside::Shown> {
+        self.beside.difference_of(ctx, views)
+    }
+
+    /// Shows the panel; returns what the user wants to open.
+    pub(super) fn show(
+        &mut self,
+        ui: &mut Ui,
+        views: &Views,
+        overlays: &mut Overlays,
+        settings: &mut Settings,
+        actions: &mut Vec<Action>,
+    ) -> Option<Wish> {
+        let (session, mut wish) = (views.active(), None);
+        let Settings { open_sections, recent, .. } = settings;
         // The bar has its own room: widgets under it could not be dragged.
         let scroll = &mut ui.spacing_mut().scroll;
         scroll.floating_allocated_width = scroll.bar_width + scroll.bar_inner_margin;
         egui::ScrollArea::vertical().auto_shrink([false, true]).show(ui, |ui| {
             within_width(ui, |ui| {
-                let header = |ui: &mut Ui, title: &str, is_open: bool, show: &mut dyn FnMut(&mut Ui)| {
-                    CollapsingHeader::new(title).default_open(is_open).show(ui, |ui| show(ui));
+                let mut header = |ui: &mut Ui, title: &str, is_open: bool, show: &mut dyn FnMut(&mut Ui)| {
+                    section(ui, title, is_open, open_sections, show);
                 };
-                let section = |ui: &mut Ui, title: &str, show: &mut dyn FnMut(&mut Ui)| header(ui, title, true, show);
-                section(ui, "Field", &mut |ui| field(ui, session, actions));
+                header(ui, "Field", true, &mut |ui| field(ui, session, actions));
                 header(ui, "Project", project::says_more(session), &mut |ui| {
                     project::show(ui, session, &mut self.members, actions);
                 });
-                section(ui, "Colours", &mut |ui| {
+                header(ui, "Colours", true, &mut |ui| {
                     colors(ui, session, &mut self.function, actions);
                 });
-                section(ui, "Opacity", &mut |ui| self.editor.show(ui, session, actions));
-                section(ui, "View", &mut |ui| view(ui, session, (overlays, &mut self.cameras), actions));
-                section(ui, "Surfaces", &mut |ui| surfaces::show(ui, session, actions));
-                section(ui, "Point", &mut |ui| point::show(ui, session, actions));
-                section(ui, "Picture", &mut |ui| picture(ui, session, actions));
-                section(ui, "Statistics", &mut |ui| statistics::show(ui, session));
+                header(ui, "Opacity", true, &mut |ui| self.editor.show(ui, session, actions));
+                header(ui, "View", true, &mut |ui| view(ui, session, (overlays, &mut self.cameras), actions));
+                header(ui, "Second view", views.beside().is_some(), &mut |ui| {
+                    wish = self.beside.show(ui, views, recent, actions).or(wish.take());
+                });
+                header(ui, "Surfaces", true, &mut |ui| surfaces::show(ui, session, actions));
+                header(ui, "Point", true, &mut |ui| point::show(ui, session, actions));
+                header(ui, "Picture", true, &mut |ui| picture(ui, session, actions));
+                header(ui, "Statistics", true, &mut |ui| statistics::show(ui, session));
             })
         });
+        wish
+    }
+}
+
+/// A part of the panel that opens and closes by its title. What the user chose is remembered.
+fn section(
+    ui: &mut Ui,
+    title: &str,
+    is_open: bool,
+    chosen: &mut BTreeMap<String, bool>,
+    show: &mut dyn FnMut(&mut Ui),
+) {
+    let is_open = chosen.get(title).copied().unwrap_or(is_open);
+    let shown = CollapsingHeader::new(title).default_open(is_open).show(ui, |ui| show(ui));
+    if shown.header_response.clicked()
+        && let Some(state) = CollapsingState::load(ui.ctx(), shown.header_response.id)
+    {
+        chosen.insert(title.to_owned(), state.is_open());
     }
 }
 

@@ -2,10 +2,12 @@
 
 use super::Dress;
 use crate::ui::opening::Opened;
+use crate::ui::views::Views;
 use crate::ui::{Action, Session};
 use eframe::egui;
 use egui::{Id, Modal};
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// What ends the session.
 pub(super) enum Leaving {
@@ -29,8 +31,8 @@ pub(super) struct Unsaved {
 
 impl Unsaved {
     /// Whether changes would be lost. Those of a look without a file are in the settings.
-    pub(super) fn has_changes(session: &Session) -> bool {
-        session.project_file().is_some() && session.is_changed()
+    pub(super) fn has_changes(views: &Views) -> bool {
+        views.sessions().any(is_unsaved)
     }
 
     /// Opens the question.
@@ -39,27 +41,28 @@ impl Unsaved {
     }
 
     /// Shows the question, if it is open; returns what the user leaves for, once nothing is in the way.
-    pub(super) fn show(
-        &mut self,
-        ctx: &egui::Context,
-        session: &Session,
-        actions: &mut Vec<Action>,
-    ) -> Option<Leaving> {
+    pub(super) fn show(&mut self, ctx: &egui::Context, views: &mut Views, now: Duration) -> Option<Leaving> {
         self.leaving.as_ref()?;
         if self.saves {
-            if session.is_saving() {
+            if views.sessions().any(Session::is_saving) {
                 return None;
             }
             // Where they could not be written, the session says why, and the user stays.
-            return std::mem::take(self).leaving.filter(|_| !session.is_changed());
+            return std::mem::take(self).leaving.filter(|_| !Self::has_changes(views));
         }
+        let count = views.sessions().filter(|session| is_unsaved(session)).count();
         let mut answer = None;
         let modal = Modal::new(Id::unique("unsaved changes")).show(ctx, |ui| {
             ui.heading("Unsaved changes");
-            ui.label("The project has changes that are not in its file.");
+            ui.label(match count {
+                2 => "The projects of both views have changes that are not in their files.",
+                _ => "The project has changes that are not in its file.",
+            });
             ui.horizontal(|ui| {
                 if ui.button("Save them").clicked() {
-                    actions.push(Action::SaveProject { to: None, may_replace: false });
+                    for session in views.sessions_mut().filter(|session| is_unsaved(session)) {
+                        session.act(Action::SaveProject { to: None, may_replace: false }, now);
+                    }
                     self.saves = true;
                 }
                 if ui.button("Discard them").clicked() {
@@ -76,4 +79,8 @@ impl Unsaved {
         }
         answer
     }
+}
+
+fn is_unsaved(session: &Session) -> bool {
+    session.project_file().is_some() && session.is_changed()
 }

@@ -67,7 +67,8 @@ fn point_at(response: &egui::Response, place: Option<Rect>, session: &Session, a
     }
 }
 
-fn mouse(ui: &Ui, response: &egui::Response, rect: Rect, actions: &mut Vec<Action>) {
+/// Moves the camera with the mouse.
+pub(super) fn mouse(ui: &Ui, response: &egui::Response, rect: Rect, actions: &mut Vec<Action>) {
     use egui::PointerButton::{Middle, Primary, Secondary};
     let height = f64::from(rect.height());
     let drag = response.drag_delta();

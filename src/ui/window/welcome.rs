@@ -1,6 +1,7 @@
 //! The views without a series, and while one is opened.
 
 use super::widgets::{icon, labelled};
+use crate::field::FieldSelector;
 use crate::import::Format;
 use crate::ui::opening::OpeningProgress;
 use crate::ui::settings::RecentFile;
@@ -13,8 +14,20 @@ use std::time::Duration;
 pub(super) enum Wish {
     /// Open these files.
     Open(Vec<PathBuf>),
+    /// Show these data in a second view.
+    Beside(Data),
     /// Cancel opening.
     Stop,
+}
+
+/// Data of a second view.
+pub(super) enum Data {
+    /// Those of the active one.
+    Same,
+    /// Another field of its store.
+    Field(FieldSelector),
+    /// Other files.
+    Files(Vec<PathBuf>),
 }
 
 /// A box to type a path.

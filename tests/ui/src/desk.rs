@@ -71,6 +71,7 @@ pub fn options(folder: &Path, start: Start) -> WindowOptions {
         dress: Arc::new(dress),
         projects: Arc::new(read_project),
         restores: false,
+        beside: None,
         follows: false,
         plays: false,
         opening: OpeningOptions { cache: ImportCache::at(folder.join("cache")), ..Default::default() },
