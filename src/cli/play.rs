@@ -194,6 +194,7 @@ pub(super) fn show(start: Start, scene: &SceneArgs, playing: &Playing, terminal:
         gpu: scene.gpu(),
         size: size.map(|size| [size.0 as f32, size.1 as f32]),
         settings: SettingsFile::of_user(),
+        dialogs: window::system_dialogs(),
     };
     window::run(options, &terminal.cancel)?;
     terminal.check_interrupted()?;

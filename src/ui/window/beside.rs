@@ -1,6 +1,7 @@
 //! Two views: the part of the side panel that opens and arranges them, and the picture of their difference.
 
 use super::overlay::{self, Overlays, number, shortened};
+use super::path_field::OpenDialog;
 use super::preview::Upload;
 use super::project::NAME;
 use super::viewport;
@@ -22,13 +23,16 @@ pub(super) struct Shown {
 }
 
 /// State of the part of the panel.
-#[derive(Default)]
 pub(super) struct BesidePanel {
     path_box: PathBox,
     picture: Upload,
 }
 
 impl BesidePanel {
+    pub(super) fn new(open: &OpenDialog) -> Self {
+        Self { path_box: PathBox::new(open), picture: Upload::default() }
+    }
+
     /// Shows the part of the side panel; returns the data of a view to be opened.
     pub(super) fn show(
         &mut self,
@@ -46,7 +50,7 @@ impl BesidePanel {
 
     /// What can be shown beside the view.
     fn open(&mut self, ui: &mut Ui, views: &Views, recent: &[RecentFile]) -> Option<Data> {
-        let mut wanted = None;
+        let mut wanted = self.path_box.take_chosen().map(|path| Data::Files(vec![path]));
         ui.horizontal_wrapped(|ui| {
             let hint = "The same data a second time, to be given another look";
             if ui.button("Same data").on_hover_text(hint).clicked() {

@@ -1,40 +1,47 @@
 //! The menu that loads and saves the transfer function of the edited member.
 
-use super::widgets::{labelled, staying_menu};
+use super::path_field::{Choice, OpenDialog, PathField};
+use super::widgets::staying_menu;
 use crate::ui::{Action, FunctionFile};
 use eframe::egui;
-use egui::{TextEdit, Ui};
-use std::path::PathBuf;
+use egui::Ui;
 
-/// What was typed.
-#[derive(Debug, Default)]
+/// What was typed and chosen.
 pub(super) struct FunctionMenu {
-    path: String,
+    path: PathField,
     colors_only: bool,
     may_replace: bool,
 }
 
 impl FunctionMenu {
+    pub(super) fn new(open: &OpenDialog) -> Self {
+        Self { path: PathField::new(open), colors_only: false, may_replace: false }
+    }
+
     /// Shows the menu.
     pub(super) fn show(&mut self, ui: &mut Ui, actions: &mut Vec<Action>) {
         staying_menu(ui, "File...", |ui| {
             ui.label("A transfer function (JSON), or colour maps of ParaView (FILE.json, FILE.json#NAME):");
-            let edit = TextEdit::singleline(&mut self.path).hint_text("path").desired_width(320.0);
-            labelled(ui.add(edit), "Path of the transfer function");
-            let path = self.path.trim().trim_matches(['"', '\'']).to_owned();
-            let has_path = !path.is_empty();
+            let choices = [(Choice::File, "Choose file"), (Choice::Save, "Choose new file")];
+            self.path.show(ui, "Path of the transfer function", "path", &choices);
+            let path = self.path.path();
+            let has_path = path.is_some();
             ui.horizontal(|ui| {
-                if ui.add_enabled(has_path, egui::Button::new("Load")).clicked() {
-                    actions.push(Action::LoadFunction { from: PathBuf::from(&path), colors_only: self.colors_only });
+                if ui.add_enabled(has_path, egui::Button::new("Load")).clicked()
+                    && let Some(from) = path.clone()
+                {
+                    actions.push(Action::LoadFunction { from, colors_only: self.colors_only });
                     ui.close();
                 }
                 ui.checkbox(&mut self.colors_only, "colours only");
             });
             ui.horizontal(|ui| {
                 for (format, text) in [(FunctionFile::Tetreel, "Save"), (FunctionFile::ParaView, "Save for ParaView")] {
-                    if ui.add_enabled(has_path, egui::Button::new(text)).clicked() {
+                    if ui.add_enabled(has_path, egui::Button::new(text)).clicked()
+                        && let Some(to) = path.clone()
+                    {
                         let may_replace = std::mem::take(&mut self.may_replace);
-                        actions.push(Action::SaveFunction { to: PathBuf::from(&path), format, may_replace });
+                        actions.push(Action::SaveFunction { to, format, may_replace });
                         ui.close();
                     }
                 }

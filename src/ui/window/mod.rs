@@ -14,6 +14,7 @@ mod layout;
 mod members;
 mod overlay;
 mod painted;
+mod path_field;
 mod playing;
 mod point;
 mod popups;
@@ -36,6 +37,7 @@ mod waker;
 mod welcome;
 mod widgets;
 
+pub use path_field::{Answer, Choice, OpenDialog, system_dialogs};
 pub use run::{WindowError, run, run_watched};
 
 use super::notice::{self, Notice, NoticeKind};
@@ -138,6 +140,8 @@ pub struct WindowOptions {
     pub gpu: ContextOptions,
     /// File of the saved settings.
     pub settings: SettingsFile,
+    /// Dialogs in which files are chosen.
+    pub dialogs: OpenDialog,
 }
 
 /// The player window. [`Self::show`] lays it out in any host.
@@ -185,6 +189,7 @@ impl PlayerWindow {
         let (waker, gpu) = (Waker::default(), WindowGpu::none());
         let start = std::mem::replace(&mut options.start, Start::Nothing);
         let file = std::mem::replace(&mut options.settings, SettingsFile::nowhere());
+        let dialogs = options.dialogs.clone();
         let (keeper, told) = SettingsKeeper::open(file, waker.wake())?;
         let mut window = Self {
             views: None,
@@ -196,11 +201,11 @@ impl PlayerWindow {
             screens: [Screen::start(waker.wake())?, Screen::start(waker.wake())?],
             waker,
             gpu,
-            side: Default::default(),
+            side: side::Side::new(&dialogs),
             timeline: Default::default(),
             overlays: Default::default(),
             export: Default::default(),
-            path_box: Default::default(),
+            path_box: PathBox::new(&dialogs),
             unsaved: Default::default(),
             is_closing: false,
             notices: Vec::new(),

@@ -2,23 +2,21 @@
 
 use super::members::Members;
 use super::overlay::shortened;
-use super::widgets::{labelled, staying_menu};
+use super::path_field::{Choice, OpenDialog, PathField};
+use super::widgets::staying_menu;
 use crate::look::EnsembleChoice;
 use crate::project::{Project, Timeline};
 use crate::timeline::At;
 use crate::ui::{Action, Session};
 use eframe::egui;
-use egui::{Button, TextEdit, Ui};
-use std::path::PathBuf;
+use egui::{Button, Ui};
 
 /// Number of ensembles with keys.
 const DIGITS: usize = 9;
 
 /// The menu that saves a project.
-#[derive(Debug, Default)]
 pub(super) struct ProjectMenu {
-    /// Path that was typed.
-    path: String,
+    path: PathField,
     /// Whether a file that is there is replaced.
     may_replace: bool,
 }
@@ -54,6 +52,10 @@ pub(super) fn show(ui: &mut Ui, session: &Session, members: &mut Members, action
 }
 
 impl ProjectMenu {
+    pub(super) fn new(open: &OpenDialog) -> Self {
+        Self { path: PathField::new(open), may_replace: false }
+    }
+
     /// Shows the menu, and buttons to undo and redo.
     pub(super) fn show(&mut self, ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
         staying_menu(ui, "Save...", |ui| {
@@ -79,20 +81,17 @@ impl ProjectMenu {
 
     /// A box for the path of a new file.
     fn save_as(&mut self, ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
-        if self.path.is_empty() {
+        if self.path.text.is_empty() {
             let name = session.source().with_extension("toml");
-            self.path = session.project_file().unwrap_or(&name).display().to_string();
+            self.path.text = session.project_file().unwrap_or(&name).display().to_string();
         }
-        let edit = TextEdit::singleline(&mut self.path).desired_width(320.0);
-        let response = labelled(ui.add(edit), "Path of the project file");
-        let is_entered = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
+        let (_, is_entered) = self.path.show(ui, "Path of the project file", "", &[(Choice::Save, "Choose new file")]);
         ui.horizontal(|ui| {
             let is_entered = ui.button("Save to this file").clicked() || is_entered;
             ui.checkbox(&mut self.may_replace, "replace it");
-            let path = self.path.trim();
-            if is_entered && !path.is_empty() {
-                let (to, may_replace) = (Some(PathBuf::from(path)), std::mem::take(&mut self.may_replace));
-                actions.push(Action::SaveProject { to, may_replace });
+            if let Some(to) = self.path.path().filter(|_| is_entered) {
+                let may_replace = std::mem::take(&mut self.may_replace);
+                actions.push(Action::SaveProject { to: Some(to), may_replace });
             }
         });
     }

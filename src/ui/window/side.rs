@@ -6,6 +6,7 @@ use super::editor::Editor;
 use super::function_file::FunctionMenu;
 use super::members::Members;
 use super::overlay::{self, Overlays, horizontal_strip};
+use super::path_field::OpenDialog;
 use super::project::{self, ProjectMenu};
 use super::welcome::{self, PathBox, Wish};
 use super::widgets::{chosen, color_button, number, staying_menu, within_width};
@@ -26,7 +27,6 @@ use std::collections::BTreeMap;
 pub(super) const WIDTH: f32 = 250.0;
 
 /// State of the panel itself.
-#[derive(Default)]
 pub(super) struct Side {
     editor: Editor,
     function: FunctionMenu,
@@ -37,6 +37,17 @@ pub(super) struct Side {
 }
 
 impl Side {
+    pub(super) fn new(open: &OpenDialog) -> Self {
+        Self {
+            editor: Editor::default(),
+            function: FunctionMenu::new(open),
+            members: Members::default(),
+            project: ProjectMenu::new(open),
+            cameras: CameraMenu::default(),
+            beside: BesidePanel::new(open),
+        }
+    }
+
     /// Opens other files, saves the project and undoes changes: above the panel's other parts.
     pub(super) fn files(
         &mut self,
@@ -124,10 +135,10 @@ fn section(
 
 /// The menu that opens other files.
 fn open(ui: &mut Ui, path_box: &mut PathBox, recent: &[RecentFile]) -> Option<Wish> {
-    let mut wanted = None;
+    let mut wanted = path_box.take_chosen();
     staying_menu(ui, "Open...", |ui| {
         ui.label("Drop a file on the window, or name one:");
-        wanted = path_box.show(ui);
+        wanted = path_box.show(ui).or(wanted.take());
         if !recent.is_empty() {
             ui.separator();
             ui.label("Opened before:");

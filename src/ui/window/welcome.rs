@@ -1,6 +1,7 @@
 //! The views without a series, and while one is opened.
 
-use super::widgets::{icon, labelled};
+use super::path_field::{OpenDialog, PathField, TO_OPEN};
+use super::widgets::icon;
 use crate::field::FieldSelector;
 use crate::import::Format;
 use crate::ui::opening::OpeningProgress;
@@ -30,30 +31,30 @@ pub(super) enum Data {
     Files(Vec<PathBuf>),
 }
 
-/// A box to type a path.
-#[derive(Debug, Default)]
-pub(super) struct PathBox {
-    text: String,
-}
+/// A box for the path of what is opened.
+pub(super) struct PathBox(PathField);
 
 impl PathBox {
-    /// Shows the box; returns the path once entered.
+    pub(super) fn new(open: &OpenDialog) -> Self {
+        Self(PathField::new(open))
+    }
+
+    /// Shows the box; returns the path once entered or chosen.
     pub(super) fn show(&mut self, ui: &mut Ui) -> Option<PathBuf> {
-        let mut is_entered = false;
-        ui.horizontal(|ui| {
-            let edit = egui::TextEdit::singleline(&mut self.text)
-                .hint_text(format!("path of a .zarr, {}", Format::common_extensions()));
-            let response = labelled(ui.add(edit.desired_width(320.0)), "Path to open").on_hover_text(all_formats());
-            is_entered = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
-            // Typing goes to the box, from the first letter on.
-            if !is_entered && ui.memory(|memory| memory.focused().is_none()) {
-                response.request_focus();
-            }
-            is_entered |= ui.button("Open").clicked();
-        });
-        // A file manager's "copy path" adds quotes.
-        let text = self.text.trim().trim_matches(['"', '\'']);
-        (is_entered && !text.is_empty()).then(|| PathBuf::from(text))
+        let hint = format!("path of a .zarr, {}", Format::common_extensions());
+        let (response, is_entered) = self.0.show(ui, "Path to open", &hint, &TO_OPEN);
+        // Typing goes to the box, from the first letter on.
+        if !is_entered && ui.memory(|memory| memory.focused().is_none()) {
+            response.request_focus();
+        }
+        response.on_hover_text(all_formats());
+        let is_entered = ui.button("Open").clicked() || is_entered;
+        self.0.path().filter(|_| is_entered)
+    }
+
+    /// The path that was chosen in a dialog while the box was not shown.
+    pub(super) fn take_chosen(&mut self) -> Option<PathBuf> {
+        self.0.take_chosen().then(|| self.0.path()).flatten()
     }
 }
 
@@ -62,17 +63,33 @@ fn all_formats() -> String {
     format!("All that is read: {}", Format::list())
 }
 
-/// Recent files; returns the chosen one.
+/// Largest length of the name of a folder; longer ones keep their end.
+const FOLDER: usize = 48;
+
+/// Recent files with their folders; returns the chosen one.
 pub(super) fn recent(ui: &mut Ui, files: &[RecentFile]) -> Option<PathBuf> {
     let mut wanted = None;
     for path in files.iter().map(|file| &file.path) {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-        let response = ui.button(name).on_hover_text(path.display().to_string());
-        if response.clicked() {
-            wanted = Some(path.clone());
-        }
+        ui.horizontal(|ui| {
+            if ui.button(name).on_hover_text(path.display().to_string()).clicked() {
+                wanted = Some(path.clone());
+            }
+            if let Some(folder) = path.parent() {
+                ui.weak(end_of(&folder.display().to_string(), FOLDER));
+            }
+        });
     }
     wanted
+}
+
+/// The end of a text of at most `most` characters.
+fn end_of(text: &str, most: usize) -> String {
+    let count = text.chars().count();
+    if count <= most {
+        return text.to_owned();
+    }
+    ['…'].into_iter().chain(text.chars().skip(count + 1 - most)).collect()
 }
 
 /// The view when nothing is open.
@@ -86,16 +103,16 @@ pub(super) fn show(ui: &mut Ui, path_box: &mut PathBox, files: &[RecentFile]) ->
             .on_hover_text(all_formats());
         ui.label("or name one:");
         ui.add_space(8.0);
-        ui.allocate_ui_with_layout(egui::vec2(400.0, 24.0), Layout::left_to_right(Align::Center), |ui| {
+        ui.allocate_ui_with_layout(egui::vec2(400.0, 24.0), Layout::top_down(Align::Min), |ui| {
             wish = path_box.show(ui).map(|path| Wish::Open(vec![path]));
-        });
-        if !files.is_empty() {
-            ui.add_space(16.0);
-            ui.label("Opened before:");
-            if let Some(path) = recent(ui, files) {
-                wish = Some(Wish::Open(vec![path]));
+            if !files.is_empty() {
+                ui.add_space(16.0);
+                ui.label("Opened before:");
+                if let Some(path) = recent(ui, files) {
+                    wish = Some(Wish::Open(vec![path]));
+                }
             }
-        }
+        });
     });
     wish
 }
@@ -137,6 +154,11 @@ pub(super) fn in_words(time: Duration) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn long_folders_keep_their_end() {
+        assert_eq!((end_of("/home/a", 7), end_of("/home/ab", 7)), ("/home/a".to_owned(), "…ome/ab".to_owned()));
+    }
 
     #[test]
     fn what_is_left_is_never_said_to_be_less() {

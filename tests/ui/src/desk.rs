@@ -81,6 +81,8 @@ pub fn options(folder: &Path, start: Start) -> WindowOptions {
         screenshot_folder: folder.to_owned(),
         gpu: Default::default(),
         settings: SettingsFile::at(folder.join("settings")),
+        // The dialogs of the system would wait for a user.
+        dialogs: Arc::new(|_, _| Box::new(|| None)),
     }
 }
 
