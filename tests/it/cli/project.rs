@@ -163,6 +163,28 @@ fn the_shipped_project_goes_from_an_overview_to_the_core() {
 }
 
 #[test]
+fn every_shipped_project_is_drawn_and_looks_like_no_other() {
+    let place = Place::empty();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/projects");
+    let mut pictures = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let project = entry.unwrap().path();
+        let name = project.file_stem().unwrap().to_str().unwrap().to_owned();
+        let output = place.path(&format!("{name}.png"));
+        let run = ["render", project.to_str().unwrap(), "--size", "32x24", "--steps", "6", "--backend", "cpu", "-o"];
+        place.ok(&[&run[..], &[output.to_str().unwrap()]].concat());
+        let image = read_png(&output).unwrap();
+        let seen = image.pixels.iter().filter(|[r, g, b, _]| r + g + b > 0.05).count();
+        assert!(seen > 10, "{name} is black but for {seen} pixels");
+        pictures.push((name, image.pixels));
+    }
+    assert!(pictures.len() >= 11, "{}", pictures.len());
+    for (i, (name, picture)) in pictures.iter().enumerate() {
+        assert!(pictures[..i].iter().all(|(_, other)| other != picture), "{name}");
+    }
+}
+
+#[test]
 fn members_that_keep_their_axes_are_drawn_by_every_renderer_as_by_the_reference() {
     let place = Place::with_slab();
     // A haze, what changes much over time, and a boundary.

@@ -3,11 +3,12 @@
 use egui::Key;
 use egui_kittest::kittest::{NodeT, Queryable};
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 use tetreel::pipeline::{FrameRequest, Series};
 use tetreel::playback::{Loop, StepRange};
 use tetreel::project::Project;
-use tetreel::ui::window::{Dressed, Start, WindowOptions};
+use tetreel::ui::window::{Answer, Choice, Dressed, Start, WindowOptions};
 use tetreel_ui_tests::desk::{Desk, options, store};
 
 const PROJECT: &str = r#"
@@ -218,4 +219,50 @@ fn a_project_without_ensembles_has_no_list() {
     desk.press(Key::Num1);
     desk.settle();
     assert!(desk.session().notices().is_empty());
+}
+
+#[test]
+fn every_shipped_project_is_opened_through_the_dialog_of_the_system() {
+    let folder = tempfile::tempdir().unwrap();
+    let projects = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/projects");
+    let mut files: Vec<_> = std::fs::read_dir(projects).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    assert!(files.len() >= 11);
+    let (answers, asked) = (Arc::new(Mutex::new(files.clone())), Arc::new(Mutex::new(Vec::new())));
+    let (next, log) = (answers.clone(), asked.clone());
+    let dialogs = move |choice: Choice, _: Option<&Path>| -> Answer {
+        log.lock().unwrap().push(choice);
+        let file = next.lock().unwrap().pop();
+        Box::new(move || file)
+    };
+    let options = WindowOptions { dialogs: Arc::new(dialogs), ..options(folder.path(), Start::Nothing) };
+    let Some(mut desk) = Desk::with([1280.0, 1000.0], 1.0, options, folder) else { return };
+    desk.harness.run_steps(3);
+    for file in files.iter().rev() {
+        let was_open = desk.window().session().is_some();
+        if was_open {
+            desk.click("Open...");
+        }
+        desk.click("Choose file");
+        let begun = Instant::now();
+        let is_open = |desk: &Desk| {
+            desk.window()
+                .session()
+                .is_some_and(|session| session.project_file() == Some(file) && session.shown().is_some())
+        };
+        while !is_open(&desk) {
+            desk.harness.step();
+            assert!(begun.elapsed() < Duration::from_secs(60), "{}: {:?}", file.display(), desk.window().notices());
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        desk.settle();
+        assert_eq!(desk.session().notices(), &[], "{}", file.display());
+        assert!(!desk.session().is_changed(), "{}", file.display());
+    }
+    // An answer without a path changes nothing.
+    desk.click("Open...");
+    desk.click("Choose folder");
+    desk.until_there("nothing was chosen; where no dialog opens, type the path");
+    assert_eq!(desk.session().project_file(), Some(&*files[0]));
+    assert_eq!(asked.lock().unwrap().iter().filter(|choice| **choice == Choice::File).count(), files.len());
 }
