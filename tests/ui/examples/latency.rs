@@ -6,7 +6,9 @@
 //! ```
 //!
 //! On a screen in memory (Xvfb) of 1280 x 720 pixels. Half of the inputs move the mouse from button to button, until the button
-//! looks different; half of them turn the volume, until the axes in the corner have turned. The machine should do nothing else.
+//! looks different; half of them turn the volume, until the axes in the corner have turned. Then as many drag a point of the opacity
+//! curve: while it plays until the curve looks different, and at rest until the picture does; and a tenth step on, until the histogram
+//! of the step shown looks different. The machine should do nothing else.
 
 #[cfg(not(target_os = "linux"))]
 fn main() {
@@ -29,9 +31,9 @@ mod linux {
     use tetreel::pipeline::{Backend, FrameTime, PipelinedOptions, Series};
     use tetreel::task::Cancel;
     use tetreel::transfer::TransferFunction;
-    use tetreel::ui::settings::SettingsFile;
+    use tetreel::ui::settings::{Settings, SettingsFile};
     use tetreel::ui::window::{PlayerWindow, Start, WindowOptions, run_watched};
-    use tetreel_ui_tests::desk::{Desk, options};
+    use tetreel_ui_tests::desk::{Desk, options, store};
     use tetreel_ui_tests::screen::{Keysym, User, on_a_screen, pause};
 
     const SIZE: (u32, u32) = (1280, 720);
@@ -62,16 +64,10 @@ mod linux {
     fn measure(store: &Path, backend: Backend, inputs: usize) {
         let places = Places::find();
         let folder = tempfile::tempdir().expect("a folder");
-        let dress = move |series: &Series| {
-            let tf = TransferFunction::parse("viridis").map_err(|error| error.to_string())?;
-            Ok(Look { backend, ..Look::default_for(series, tf).map_err(|error| error.to_string())? }.into())
-        };
         let options = WindowOptions {
-            dress: Arc::new(dress),
             threads: PipelinedOptions { give_way: true, ..Default::default() },
             size: Some([SIZE.0 as f32, SIZE.1 as f32]),
-            settings: SettingsFile::nowhere(),
-            ..options(folder.path(), Start::Open(vec![store.to_owned()]))
+            ..curve_options(folder.path(), Start::Open(vec![store.to_owned()]), backend)
         };
         let (playing, cancel, started) = (Arc::new(Playing::default()), Cancel::new(), Instant::now());
         let user = {
@@ -98,22 +94,49 @@ mod linux {
         user.join().expect("the measurement");
     }
 
+    /// Options of a window with a curve of three points, and the parts of the side panel above it closed.
+    fn curve_options(folder: &Path, start: Start, backend: Backend) -> WindowOptions {
+        let dress = move |series: &Series| {
+            let tf = TransferFunction::parse("viridis@0:0,0.5:0.5,1:1").map_err(|error| error.to_string())?;
+            Ok(Look { backend, ..Look::default_for(series, tf).map_err(|error| error.to_string())? }.into())
+        };
+        let closed = ["Field", "Project", "Colours"].map(|name| (name.to_owned(), false)).into();
+        let mut settings = SettingsFile::at(folder.join("settings"));
+        settings.save(&mut Settings { open_sections: closed, ..Settings::default() });
+        WindowOptions { dress: Arc::new(dress), settings, ..options(folder, start) }
+    }
+
     /// Where things are in a window of this size.
     struct Places {
         /// Two buttons of the timeline, which is at the bottom.
         buttons: [Rect; 2],
         picture: Rect,
+        curve: Rect,
+        /// The choice of the histogram, and the option of the step shown.
+        histogram: [Rect; 2],
     }
 
     impl Places {
         fn find() -> Self {
-            let mut desk = Desk::open().expect("a GPU, be it in software");
+            let folder = tempfile::tempdir().expect("a folder");
+            let start = Start::Open(vec![store(folder.path())]);
+            let options = curve_options(folder.path(), start, Backend::Cpu);
+            let size = [SIZE.0 as f32, SIZE.1 as f32];
+            let mut desk = Desk::with(size, 1.0, options, folder).expect("a GPU, be it in software");
+            desk.begin();
             desk.settle();
-            let up = vec2(0.0, SIZE.1 as f32 - 800.0);
-            let button = |name| desk.place(name).translate(up);
-            let mut picture = desk.place("Picture of");
-            picture.max += up;
-            Self { buttons: [button("Stop"), button("Play backwards")], picture }
+            let [stop, back] = ["Stop", "Play backwards"].map(|name| desk.place(name));
+            let (picture, curve, choice) =
+                (desk.place("Picture of"), desk.place("Opacity curve"), desk.place_of("Histogram"));
+            desk.click("Histogram");
+            Self { buttons: [stop, back], picture, curve, histogram: [choice, desk.place_of("step shown")] }
+        }
+
+        /// The point in the middle of the curve, raised by a share of its height.
+        fn handle(&self, raised: f32) -> Pos2 {
+            // Margins, and the colours below the curve.
+            let curve = self.curve.with_max_y(self.curve.bottom() - 12.0).shrink(4.0);
+            curve.center() - vec2(0.0, raised * curve.height())
         }
 
         /// Where the axes are: in the lower right corner of the picture.
@@ -195,6 +218,52 @@ mod linux {
         let mut all = pointed;
         all.extend(turned);
         report("all", &all, fps);
+        edit(&user, places, playing, inputs);
+    }
+
+    /// Drags the middle of the curve, and steps on.
+    fn edit(user: &User, places: &Places, playing: &Playing, inputs: usize) {
+        let point = |at: Pos2| user.point(at.x, at.y).expect("the screen");
+        let middle = places.picture.center();
+        let seen = Rect::from_center_size(middle, vec2(60.0, 60.0));
+        let drag = |name: &str, place: Rect, count: usize| {
+            let (frames, begin) = (playing.frames.load(Ordering::Relaxed), Instant::now());
+            let ms: Vec<f64> = (1..=count)
+                .map(|i| {
+                    let raised = 0.3 * (i as f32 * 0.7).sin();
+                    let ms = until_changed(user, place, || point(places.handle(raised)));
+                    pause(37);
+                    ms
+                })
+                .collect();
+            let fps = (playing.frames.load(Ordering::Relaxed) - frames) as f64 / begin.elapsed().as_secs_f64();
+            report(name, &ms, fps);
+        };
+        point(places.handle(0.0));
+        pause(300);
+        user.button(1, true).expect("the screen");
+        drag("handle to curve", places.curve, inputs / 2);
+        user.key(Keysym::SPACE).expect("a key");
+        pause(1500);
+        drag("handle to picture, at rest", seen, inputs / 2);
+        user.button(1, false).expect("the screen");
+        for place in places.histogram {
+            point(place.center());
+            pause(300);
+            user.button(1, true).expect("the screen");
+            user.button(1, false).expect("the screen");
+            pause(500);
+        }
+        point(middle);
+        pause(1500);
+        let steps: Vec<f64> = (0..inputs / 10)
+            .map(|_| {
+                let ms = until_changed(user, places.curve, || user.key(Keysym(0xff53)).expect("a key"));
+                pause(1000);
+                ms
+            })
+            .collect();
+        report("key to histogram of the step", &steps, 0.0);
     }
 
     fn report(name: &str, ms: &[f64], fps: f64) {
