@@ -51,6 +51,17 @@ impl State {
     }
 }
 
+/// A way to another state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Turn {
+    /// Back to the state before the last change.
+    Undo,
+    /// On to the state that was undone last.
+    Redo,
+    /// To the state in the file, or with which the window was opened.
+    Revert,
+}
+
 /// The project of a window, and its earlier states.
 #[derive(Debug)]
 pub(super) struct Document {
@@ -109,8 +120,27 @@ impl Document {
         self.gesture = gesture;
     }
 
+    /// The project of the state that a turn leads to; `None`: there is none.
+    pub(super) fn project_after(&self, turn: Turn) -> Option<&Project> {
+        let state = match turn {
+            Turn::Undo => self.undo.back(),
+            Turn::Redo => self.redo.last(),
+            Turn::Revert => Some(&self.saved),
+        };
+        state.map(|state| &*state.project)
+    }
+
+    /// Turns to another state, if there is one; of [`Turn::Revert`], [`Self::record`] makes a change that can be undone.
+    pub(super) fn turn(&mut self, turn: Turn, look: &mut Look) {
+        match turn {
+            Turn::Undo => self.undo(look),
+            Turn::Redo => self.redo(look),
+            Turn::Revert => self.revert(look),
+        }
+    }
+
     /// Returns to the state before the last change, if there is one.
-    pub(super) fn undo(&mut self, look: &mut Look) {
+    fn undo(&mut self, look: &mut Look) {
         if let Some(before) = self.undo.pop_back() {
             self.redo.push(self.state(look));
             self.turn_to(before, look);
@@ -118,15 +148,15 @@ impl Document {
     }
 
     /// Returns to the state that was undone last, if there is one.
-    pub(super) fn redo(&mut self, look: &mut Look) {
+    fn redo(&mut self, look: &mut Look) {
         if let Some(after) = self.redo.pop() {
             self.undo.push_back(self.state(look));
             self.turn_to(after, look);
         }
     }
 
-    /// Returns to the state of [`Self::is_changed`]; [`Self::record`] makes it a change that can be undone.
-    pub(super) fn revert(&mut self, look: &mut Look) {
+    /// Returns to the state of [`Self::is_changed`].
+    fn revert(&mut self, look: &mut Look) {
         let saved = self.saved.clone();
         self.project = saved.project.clone();
         saved.restore(look);
@@ -141,11 +171,6 @@ impl Document {
     /// Numbers of changes that can be undone and done again.
     pub(super) fn changes(&self) -> (usize, usize) {
         (self.undo.len(), self.redo.len())
-    }
-
-    /// Forgets earlier states: no change so far can be undone.
-    pub(super) fn forget_changes(&mut self) {
-        (self.undo, self.redo, self.gesture) = (VecDeque::new(), Vec::new(), None);
     }
 
     /// Whether the state differs from that in the file, or from that with which the window was opened.

@@ -1,6 +1,6 @@
 //! Slow jobs that touch files, on threads of their own.
 
-use super::document::State;
+use super::document::{State, Turn};
 use super::motion::MotionError;
 use crate::error::{FileError, FileResult};
 use crate::export::still::{Background, FrameAttributes, OutputFrame, StillOptions, write_still};
@@ -26,8 +26,8 @@ pub(super) enum Done {
     Written(FileResult<PathBuf>),
     /// A transfer function was read, whose colours alone are wanted, or all of it.
     Function(Result<TransferFunction, TransferError>, bool),
-    /// A field was opened; first looks of the field before it and of this one.
-    Series(Arc<Series>, Box<[FirstLook; 2]>),
+    /// A field was opened, for a state of another field or as a change; first looks of the field before it and of this one.
+    Series(Arc<Series>, Option<Turn>, Box<[FirstLook; 2]>),
     /// Error of the last picture of a motion against the one in full, and the number of the comparison.
     Compared(MotionError, u64),
     /// A project was written, that of this state; or why not.
@@ -56,14 +56,14 @@ impl Jobs {
         self.done.try_iter().find(|done| !matches!(done, Done::Compared(_, number) if *number != self.comparisons))
     }
 
-    /// Opens another field of the series' store.
-    pub(super) fn open(&self, store: &Arc<Store>, series: &Arc<Series>, field: FieldSelector) {
+    /// Opens another field of the series' store: that of the state that `turn` leads to, or one that is chosen.
+    pub(super) fn open(&self, store: &Arc<Store>, series: &Arc<Series>, field: FieldSelector, turn: Option<Turn>) {
         let (store, series) = (store.clone(), series.clone());
         self.run(move || {
             let opened = series.reopened(&store, Some(&field)).map(|other| {
                 let other = Arc::new(other);
                 let looks = [&series, &other].map(|series| series.first_look(None, &Cancel::new()));
-                Done::Series(other, Box::new(looks))
+                Done::Series(other, turn, Box::new(looks))
             });
             opened.unwrap_or_else(|error| Done::Failed(error.to_string()))
         });

@@ -2,6 +2,7 @@
 
 mod act;
 mod export;
+mod field;
 mod growth;
 mod insight;
 mod led;
@@ -144,6 +145,8 @@ pub struct Session {
     jobs: Jobs,
     exports: Exports,
     opens_field: bool,
+    /// Name of the field with which the session began.
+    first_field: String,
     is_saving: bool,
     wants_screenshot: bool,
     screenshot_folder: PathBuf,
@@ -174,7 +177,8 @@ impl Session {
         let SessionOptions { store, look, camera_is_chosen, background, image_scale, .. } = options;
         let SessionOptions { target_fps, family, screenshot_folder, project, file, source, .. } = options;
         let requests = || -> io::Result<Requests> { Ok(Requests::of(ProjectWorker::start(wake.clone())?)) };
-        let field = player.pipelined().series().field().name.parse().ok();
+        let first_field = player.pipelined().series().field().name.clone();
+        let field = first_field.parse().ok();
         let document =
             Document::new(project.map(|project| (project, file)), &look, Data { source: source.clone(), field });
         Ok(Self {
@@ -215,6 +219,7 @@ impl Session {
             exports: Exports::new(wake.clone()),
             jobs: Jobs::new(wake),
             opens_field: false,
+            first_field,
             is_saving: false,
             wants_screenshot: false,
             screenshot_folder,

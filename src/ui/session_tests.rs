@@ -432,6 +432,46 @@ fn another_field_is_opened_aside_and_played_at_the_same_step() {
 }
 
 #[test]
+fn another_field_is_undone_with_all_that_came_before_it() {
+    let mut desk = Desk::open();
+    let first = desk.session.series().field().name.clone();
+    let names: Vec<String> = store().fields().iter().map(|f| f.name.clone()).collect();
+    let other = names.iter().find(|name| **name != first).expect("a second field").clone();
+    desk.settle();
+    let seen = |desk: &mut Desk| {
+        desk.wait_for_field();
+        desk.settle();
+        let name = desk.session.series().field().name.clone();
+        (name, desk.session.project().clone(), desk.shown().frame.planes.color.clone())
+    };
+    let map = |name: &str| Action::Colors(ColorMap::built_in(name).unwrap().clone());
+    let mut states = vec![seen(&mut desk)];
+    for action in [map("gray"), Action::Field(other.parse().unwrap()), map("turbo")] {
+        desk.act(action);
+        states.push(seen(&mut desk));
+    }
+    assert_eq!((&states[1].0, &states[2].0, desk.session.changes()), (&first, &other, (3, 0)));
+    for turn in [Action::Undo, Action::Redo] {
+        let order: Vec<usize> = if turn == Action::Undo { vec![2, 1, 0] } else { vec![1, 2, 3] };
+        for at in order {
+            desk.act(turn.clone());
+            let now = seen(&mut desk);
+            assert!(now == states[at], "{turn:?} to {at}: {} with {:?}", now.0, desk.session.changes());
+        }
+    }
+    desk.act(Action::Revert);
+    assert!(seen(&mut desk) == states[0]);
+    desk.act(Action::Undo);
+    assert!(seen(&mut desk) == states[3], "what was reverted is a change, too");
+    // Two at once: the second one meets a field that is still being opened, and waits for no other.
+    desk.act(Action::Undo);
+    desk.act(Action::Undo);
+    desk.act(map("plasma"));
+    let now = seen(&mut desk);
+    assert!(now.0 == other && desk.session.changes().1 == 0, "a change in between wins: {:?}", desk.session.changes());
+}
+
+#[test]
 fn screenshots_are_the_picture_in_full_and_never_overwrite() {
     let dir = tempfile::tempdir().unwrap();
     let mut desk = Desk::of(Arc::new(Series::open(store(), None).unwrap()), dir.path());

@@ -9,9 +9,10 @@ use crate::pipeline::FrameTime;
 use crate::playback::{Command, Loop, Mode, State, StepRange};
 use crate::project::{Data, Edit, Project, Timeline, is_project};
 use crate::transfer::{
-    ColorMap, ColorMapEntry, FirstLook, Function, Member, OpacityValues, PositionKind, TransferError, TransferFunction,
+    ColorMap, ColorMapEntry, Function, Member, OpacityValues, PositionKind, TransferError, TransferFunction,
     color_maps_to_json,
 };
+use crate::ui::document::Turn;
 use crate::ui::{Action, FunctionFile};
 use std::path::{Path, PathBuf, absolute};
 use std::time::Duration;
@@ -79,10 +80,8 @@ impl Session {
                 self.leave(|followed| followed.camera = follows);
             }
             Action::Field(field) => {
-                if !self.opens_field && field.to_string() != self.series().field().name {
-                    self.opens_field = true;
-                    let series = self.series().clone();
-                    self.jobs.open(&self.store, &series, field);
+                if field.to_string() != self.series().field().name {
+                    self.open_field(field, None);
                 }
             }
             Action::Colors(map) => self.apply_colors(map),
@@ -101,8 +100,8 @@ impl Session {
             Action::Range(range) => self.edit_member(|member| member.range = range),
             Action::Edit(edit) => self.edit(*edit),
             Action::Keys(action) => self.act_on_keys(action, now),
-            Action::Undo => self.document.undo(&mut self.look),
-            Action::Redo => self.document.redo(&mut self.look),
+            Action::Undo => self.turn(Turn::Undo),
+            Action::Redo => self.turn(Turn::Redo),
             Action::SaveProject { to, may_replace } => self.save_project(to, may_replace),
             Action::Member(index) => self.member = index,
             Action::Background(color) => self.background = color,
@@ -163,7 +162,7 @@ impl Session {
             Action::Help => self.help_is_open = !self.help_is_open,
             Action::Fullscreen => self.is_fullscreen = !self.is_fullscreen,
             Action::Close => self.close(),
-            Action::Revert => self.document.revert(&mut self.look),
+            Action::Revert => self.turn(Turn::Revert),
             Action::View(_) => {}
             Action::Dismiss(index) => {
                 if index < self.notices.len() {
@@ -270,7 +269,7 @@ impl Session {
     }
 
     /// Changes the edited member.
-    fn edit_member(&mut self, change: impl FnOnce(&mut Member)) {
+    pub(super) fn edit_member(&mut self, change: impl FnOnce(&mut Member)) {
         let (Some((ensemble, index)), Some(member)) = (self.edited_member(), self.member()) else { return };
         let mut changed = member.clone();
         change(&mut changed);
@@ -318,20 +317,6 @@ impl Session {
         let source = self.source.strip_prefix(folder).unwrap_or(&self.source).to_owned();
         let look = self.look_settings(&project, false);
         Project { data: Data { source, ..project.data }, look, playback: self.state().settings, ..project }
-    }
-
-    /// Turns to another field: a window that was opened without a project has its automatic colours, unless the user chose others. No change from
-    /// before can be undone.
-    pub(super) fn turn_to_field(&mut self, name: &str, before: &FirstLook, first: FirstLook) {
-        let is_first = |member: &Member| member.range == before.range && self.function() == Some(&before.tf);
-        if !self.document.is_of_file() && self.member().is_some_and(is_first) {
-            let FirstLook { tf, range, .. } = first;
-            self.edit_member(|member| (member.function, member.range) = (Function::TransferFunction(tf), range));
-        }
-        let mut data = self.project().data.clone();
-        data.field = name.parse().ok();
-        self.edit(Edit::SetData(data));
-        self.document.forget_changes();
     }
 
     /// Stops following some settings of the project, if it has a timeline.

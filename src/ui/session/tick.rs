@@ -189,20 +189,7 @@ impl Session {
                     (self.opens_field, self.is_saving) = (false, false);
                     self.fail(problem);
                 }
-                Done::Series(series, looks) => {
-                    self.opens_field = false;
-                    let [before, first] = *looks;
-                    self.turn_to_field(&series.field().name, &before, first);
-                    if let Some(follower) = &self.follower {
-                        follower.set_field(series.clone());
-                    }
-                    self.player.set_series(series);
-                    self.quality.forget_all();
-                    (self.moved, self.motion_error) = (None, None);
-                    // A picture of another field would be mistaken for this one.
-                    (self.shown, self.requests.still) = (None, None);
-                    self.study();
-                }
+                Done::Series(series, turn, looks) => self.turn_to_field(series, turn, *looks),
             }
         }
     }

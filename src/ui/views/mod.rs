@@ -151,6 +151,9 @@ impl Views {
                 Ok(comparer) => beside.comparer = Some(comparer),
                 Err(error) => self.active.fail(no_threads(&error)),
             },
+            ViewAction::Close if beside.session.exports().progress().is_some() => {
+                self.active.fail("the other view exports: cancel that first, or turn to it and wait".to_owned());
+            }
             ViewAction::Close => self.close(),
         }
         self.share();

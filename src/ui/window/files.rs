@@ -71,11 +71,11 @@ impl PlayerWindow {
         let Some((opening, dress, place)) = &self.opening else { return };
         let (Some(ended), dress, place) = (opening.take(), dress.clone(), *place) else { return };
         self.opening = None;
-        let has_changes = place == Place::Here && self.views.as_ref().is_some_and(Unsaved::has_changes);
+        let would_lose = place == Place::Here && self.views.as_ref().is_some_and(Unsaved::would_lose);
         let are_discarded = std::mem::take(&mut self.unsaved.are_discarded);
         match ended {
             // Made while it was opened.
-            OpeningEnd::Opened(opened) if has_changes && !are_discarded => {
+            OpeningEnd::Opened(opened) if would_lose && !are_discarded => {
                 self.unsaved.ask(Leaving::Play(opened, dress));
             }
             OpeningEnd::Opened(opened) if place == Place::Beside => self.play_beside(*opened, &dress),
@@ -87,7 +87,7 @@ impl PlayerWindow {
 
     /// Leaves the session for what the user wants, unless changes would be lost: these are asked about first.
     pub(super) fn leave(&mut self, ctx: &egui::Context, leaving: Leaving) {
-        if !self.is_closing && self.views.as_ref().is_some_and(Unsaved::has_changes) {
+        if !self.is_closing && self.views.as_ref().is_some_and(Unsaved::would_lose) {
             self.unsaved.ask(leaving);
             return;
         }
@@ -107,8 +107,8 @@ impl PlayerWindow {
 
     /// Keeps the window open while there are unsaved changes, and shows the question about them.
     pub(super) fn guard_changes(&mut self, ctx: &egui::Context) {
-        let has_changes = self.views.as_ref().is_some_and(Unsaved::has_changes);
-        if has_changes && !self.is_closing && ctx.input(|input| input.viewport().close_requested()) {
+        let would_lose = self.views.as_ref().is_some_and(Unsaved::would_lose);
+        if would_lose && !self.is_closing && ctx.input(|input| input.viewport().close_requested()) {
             ctx.send_viewport_cmd(egui::ViewportCommand::CancelClose);
             self.unsaved.ask(Leaving::Close);
         }

@@ -1,4 +1,4 @@
-//! Asks what becomes of changes of a project that are not saved, before another file is opened or the window is closed.
+//! Asks what becomes of unsaved changes of a project and of an export under way, before another file is opened or the window is closed.
 
 use super::Dress;
 use crate::ui::opening::Opened;
@@ -30,9 +30,9 @@ pub(super) struct Unsaved {
 }
 
 impl Unsaved {
-    /// Whether changes would be lost. Those of a look without a file are in the settings.
-    pub(super) fn has_changes(views: &Views) -> bool {
-        views.sessions().any(is_unsaved)
+    /// Whether something would be lost: changes (those of a look without a file are in the settings), or an export.
+    pub(super) fn would_lose(views: &Views) -> bool {
+        views.sessions().any(|session| is_unsaved(session) || is_exporting(session))
     }
 
     /// Opens the question.
@@ -48,24 +48,32 @@ impl Unsaved {
                 return None;
             }
             // Where they could not be written, the session says why, and the user stays.
-            return std::mem::take(self).leaving.filter(|_| !Self::has_changes(views));
+            return std::mem::take(self).leaving.filter(|_| !views.sessions().any(is_unsaved));
         }
         let count = views.sessions().filter(|session| is_unsaved(session)).count();
+        let exports = views.sessions().any(is_exporting);
         let mut answer = None;
         let modal = Modal::new(Id::unique("unsaved changes")).show(ctx, |ui| {
-            ui.heading("Unsaved changes");
-            ui.label(match count {
-                2 => "The projects of both views have changes that are not in their files.",
-                _ => "The project has changes that are not in its file.",
-            });
+            ui.heading(if count > 0 { "Unsaved changes" } else { "Leave?" });
+            match count {
+                0 => {}
+                1 => drop(ui.label("The project has changes that are not in its file.")),
+                _ => drop(ui.label("The projects of both views have changes that are not in their files.")),
+            }
+            match exports {
+                true => drop(ui.label("An export is under way, and ends if you leave; images can be resumed.")),
+                // It has ended meanwhile.
+                false if count == 0 => drop(ui.label("The export has ended.")),
+                false => {}
+            }
             ui.horizontal(|ui| {
-                if ui.button("Save them").clicked() {
+                if count > 0 && ui.button("Save them").clicked() {
                     for session in views.sessions_mut().filter(|session| is_unsaved(session)) {
                         session.act(Action::SaveProject { to: None, may_replace: false }, now);
                     }
                     self.saves = true;
                 }
-                if ui.button("Discard them").clicked() {
+                if ui.button(if count > 0 { "Discard them" } else { "Leave" }).clicked() {
                     answer = self.leaving.take();
                     self.are_discarded = true;
                 }
@@ -83,4 +91,8 @@ impl Unsaved {
 
 fn is_unsaved(session: &Session) -> bool {
     session.project_file().is_some() && session.is_changed()
+}
+
+fn is_exporting(session: &Session) -> bool {
+    session.exports().progress().is_some()
 }

@@ -86,6 +86,10 @@ fn a_curve_becomes_shapes_which_are_dragged_and_typed_and_undone() {
     assert_eq!(typed.opacity, [0.75, before.opacity[1]]);
     assert!(desk.session().shown().unwrap().request.tets().unwrap().table != picture.tets().unwrap().table);
     desk.save("editor_shapes.png");
+    desk.click("Move the shape up");
+    assert!(matches!(&shapes(&desk)[..], [Widget::Rectangle(_), Widget::Polyline(_)]));
+    desk.click("Move the shape down");
+    assert!(matches!(&shapes(&desk)[..], [Widget::Polyline(_), Widget::Rectangle(_)]));
     desk.click("Remove shape");
     assert_eq!(shapes(&desk).len(), 1);
     // Back to a curve: the opacities are those of the polyline, which has them from the curve.

@@ -141,3 +141,36 @@ fn the_dialog_fits_small_windows() {
         assert!(!desk.session().exports().is_open());
     }
 }
+
+#[test]
+fn who_leaves_while_an_export_is_under_way_is_asked() {
+    let Some(mut desk) = open([800.0, 600.0]) else { return };
+    desk.press_with(Modifiers::CTRL, Key::E);
+    with_preview(&mut desk);
+    choose(&mut desk, "Frames of the export", "steps");
+    let file = desk.folder.path().join("g_%02d.png");
+    enter(&mut desk, "File of the export", file.to_str().unwrap());
+    choose(&mut desk, "Size of the export", "3840 x 2160");
+    desk.click("Export");
+    desk.until_there("Cancel");
+    desk.press(Key::Escape);
+    desk.harness.step();
+    let root = egui::ViewportId::ROOT;
+    let mut ask = |desk: &mut Desk| {
+        let viewport = desk.harness.input_mut().viewports.entry(root).or_default();
+        viewport.events.push(egui::ViewportEvent::Close);
+        desk.harness.step();
+    };
+    ask(&mut desk);
+    desk.until_there("Stay here");
+    desk.save("export_leave.png");
+    assert!(desk.harness.query_by_label("Unsaved changes").is_none());
+    desk.click("Stay here");
+    desk.harness.step();
+    assert!(desk.harness.query_by_label("Stay here").is_none());
+    ask(&mut desk);
+    desk.until_there("Leave");
+    desk.click("Leave");
+    desk.harness.step();
+    assert!(desk.harness.query_by_label("Leave").is_none());
+}

@@ -133,9 +133,27 @@ impl ShapeEditor {
         let changed = one(ui, widget, axes);
         let changed = changed.filter(|changed| changed != widget);
         actions.extend(changed.map(|changed| with(edited, widgets, self.selected, changed)));
-        if ui.button("Remove shape").on_hover_text("Delete, while the histogram has the focus").clicked() {
-            actions.push(without(edited, widgets, self.selected));
-        }
+        let (from, last) = (self.selected, widgets.len() - 1);
+        ui.horizontal(|ui| {
+            if ui.button("Remove shape").on_hover_text("Delete, while the histogram has the focus").clicked() {
+                actions.push(without(edited, widgets, from));
+            }
+            let places = [
+                ("up", "Move the shape up", from.checked_sub(1)),
+                ("down", "Move the shape down", (from < last).then_some(from + 1)),
+            ];
+            let hint = "Where shapes are equally opaque the last one shows";
+            for (text, name, to) in places {
+                if icon(ui, text, name, to.is_some()).on_hover_text(hint).clicked()
+                    && let Some(to) = to
+                {
+                    let mut all = widgets.to_vec();
+                    all.swap(from, to);
+                    actions.push(edited.with_function(Function::Widgets(all)));
+                    self.selected = to;
+                }
+            }
+        });
     }
 }
 
