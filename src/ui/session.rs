@@ -458,7 +458,12 @@ impl Session {
 
     /// Adds an error message.
     pub fn fail(&mut self, text: String) {
-        notice::add(&mut self.notices, NoticeKind::Error, text);
+        self.tell(NoticeKind::Error, text);
+    }
+
+    /// Adds a message.
+    pub(super) fn tell(&mut self, kind: NoticeKind, text: String) {
+        notice::add(&mut self.notices, kind, text);
     }
 
     /// The scalars that the edited member covers on the screen (or else in the next picture); `None` if there are none.
@@ -506,13 +511,13 @@ impl Session {
 
     /// Sets the size of the viewport in pixels of the screen; 0: nothing is rendered.
     pub fn set_viewport(&mut self, width_px: usize, height_px: usize) {
-        let before = self.viewport_px;
+        let (before, was_framed) = (self.viewport_px, self.refits && self.look.camera == self.home_camera());
         self.viewport_px = Some((width_px, height_px)).filter(|_| width_px > 0 && height_px > 0);
-        let is_refitted = self.refits && before != self.viewport_px;
-        if (before.is_none() || is_refitted) && !self.camera_is_chosen {
+        let is_other = before != self.viewport_px;
+        if (before.is_none() || (was_framed && is_other)) && !self.camera_is_chosen {
             self.look.camera = self.home_camera();
         }
-        self.refits &= !is_refitted;
+        self.refits &= !is_other;
     }
 
     /// Width and height of images in full; those in motion may be smaller.

@@ -3,6 +3,7 @@
 use super::Session;
 use super::quality::SETTLE;
 use crate::playback::{Command, Mode, Settings, State};
+use crate::ui::notice::Notice;
 use std::time::Duration;
 
 /// How a session shares the window with others.
@@ -28,7 +29,12 @@ impl Session {
 
     /// The viewport is about to change its shape: a camera that still frames the whole mesh does so afterwards, too.
     pub(in crate::ui) fn refit(&mut self) {
-        self.refits = self.look.camera == self.home_camera();
+        self.refits = true;
+    }
+
+    /// Takes the messages to the user.
+    pub(in crate::ui) fn take_notices(&mut self) -> Vec<Notice> {
+        std::mem::take(&mut self.notices)
     }
 
     /// Goes to the time that `leader` shows or is about to show, and if `is_linked` to its camera. While the leader moves, this session

@@ -73,7 +73,9 @@ impl Session {
         }
         self.insight.take(request);
         let is_late = state.playing && (state.speed.is_none() || shortfall(&state).is_some());
-        self.insight.pause(is_busy || is_late);
+        // A clock that leads this session runs.
+        let is_led_on = self.shared.views > 1 && self.rest(now).is_some();
+        self.insight.pause(is_busy || is_late || is_led_on);
         let busy = is_busy.then(|| self.busy_until.saturating_sub(now));
         let wait = tick.wait.into_iter().chain(self.rest(now)).chain(busy).chain(passes).min();
         (is_new, wait)

@@ -11,6 +11,7 @@
 
 pub mod difference;
 
+use super::notice::Notice;
 use super::{Action, Session};
 use difference::{Comparer, Difference, Pair};
 use std::io;
@@ -181,13 +182,21 @@ impl Views {
             return Ticked { active, beside: false, wait };
         };
         let (mut is_new, _) = beside.session.tick(now);
-        // Both show the same moment: a clock that runs waits for the other view.
-        let waits = self.active.state().playing && beside.session.is_waiting();
-        let (active, wait) = if waits { (false, None) } else { self.active.tick(now) };
+        // Both show the same moment: a clock that runs waits for the other view, and until a frame of that was seen.
+        let (active, wait) = match self.active.state().playing {
+            true if is_new => (false, Some(Duration::ZERO)),
+            true if beside.session.is_waiting() => (false, None),
+            _ => self.active.tick(now),
+        };
         self.lead(now);
         let Some(beside) = &mut self.beside else { return Ticked { active, beside: is_new, wait } };
         let (is_new_now, wait_beside) = beside.session.tick(now);
         is_new |= is_new_now;
+        // Messages are shown where the user is.
+        let side = if beside.is_left { "left" } else { "right" };
+        for Notice { kind, text, .. } in beside.session.take_notices() {
+            self.active.tell(kind, format!("{side} view: {text}"));
+        }
         if let Some(comparer) = &mut beside.comparer {
             let [left, right] =
                 if beside.is_left { [&beside.session, &self.active] } else { [&self.active, &beside.session] };

@@ -310,13 +310,14 @@ impl PlayerWindow {
         }
     }
 
-    /// Saves the look of the current series.
+    /// Saves the looks of the series.
     fn remember_look(&mut self) {
-        let Some(session) = self.views.as_ref().map(Views::active) else { return };
-        let Some((tf, range)) = session.plain_colors() else { return };
-        let look = Look { tf: tf.clone(), range, ..session.look().clone() };
         let settings = self.keeper.settings_mut();
-        settings.remember_look(session.source(), &session.series().field().name, &look);
+        for session in self.views.iter().flat_map(Views::sessions) {
+            let Some((tf, range)) = session.plain_colors() else { continue };
+            let look = Look { tf: tf.clone(), range, ..session.look().clone() };
+            settings.remember_look(session.source(), &session.series().field().name, &look);
+        }
     }
 
     fn first_dress(&self, paths: &[PathBuf]) -> Dress {
