@@ -26,11 +26,19 @@ pub(super) struct Shown {
 pub(super) struct BesidePanel {
     path_box: PathBox,
     picture: Upload,
+    /// Whether there was a second view at the last call.
+    had_two: bool,
 }
 
 impl BesidePanel {
     pub(super) fn new(open: &OpenDialog) -> Self {
-        Self { path_box: PathBox::new(open), picture: Upload::default() }
+        Self { path_box: PathBox::new(open), picture: Upload::default(), had_two: false }
+    }
+
+    /// Whether the second view has come since the last call.
+    pub(super) fn is_new(&mut self, views: &Views) -> bool {
+        let has_two = views.beside().is_some();
+        !std::mem::replace(&mut self.had_two, has_two) && has_two
     }
 
     /// Shows the part of the side panel; returns the data of a view to be opened.

@@ -92,7 +92,7 @@ impl Side {
         egui::ScrollArea::vertical().auto_shrink([false, true]).show(ui, |ui| {
             within_width(ui, |ui| {
                 let mut header = |ui: &mut Ui, title: &str, is_open: bool, show: &mut dyn FnMut(&mut Ui)| {
-                    section(ui, title, is_open, open_sections, show);
+                    section(ui, title, (is_open, None), open_sections, show);
                 };
                 header(ui, "Field", true, &mut |ui| field(ui, session, actions));
                 header(ui, "Project", project::says_more(session), &mut |ui| {
@@ -103,9 +103,14 @@ impl Side {
                 });
                 header(ui, "Opacity", true, &mut |ui| self.editor.show(ui, session, actions));
                 header(ui, "View", true, &mut |ui| view(ui, session, (overlays, &mut self.cameras), actions));
-                header(ui, "Second view", views.beside().is_some(), &mut |ui| {
+                // A view that has come has its controls.
+                let opens = self.beside.is_new(views).then_some(true);
+                section(ui, "Second view", (false, opens), open_sections, &mut |ui| {
                     wish = self.beside.show(ui, views, recent, actions).or(wish.take());
                 });
+                let mut header = |ui: &mut Ui, title: &str, is_open: bool, show: &mut dyn FnMut(&mut Ui)| {
+                    section(ui, title, (is_open, None), open_sections, show);
+                };
                 header(ui, "Surfaces", true, &mut |ui| surfaces::show(ui, session, actions));
                 header(ui, "Point", true, &mut |ui| point::show(ui, session, actions));
                 header(ui, "Picture", true, &mut |ui| picture(ui, session, actions));
@@ -116,16 +121,17 @@ impl Side {
     }
 }
 
-/// A part of the panel that opens and closes by its title. What the user chose is remembered.
+/// A part of the panel that opens and closes by its title: open at first or not, and now in any case or as it is. What the user chose is
+/// remembered.
 fn section(
     ui: &mut Ui,
     title: &str,
-    is_open: bool,
+    (is_open, now): (bool, Option<bool>),
     chosen: &mut BTreeMap<String, bool>,
     show: &mut dyn FnMut(&mut Ui),
 ) {
     let is_open = chosen.get(title).copied().unwrap_or(is_open);
-    let shown = CollapsingHeader::new(title).default_open(is_open).show(ui, |ui| show(ui));
+    let shown = CollapsingHeader::new(title).default_open(is_open).open(now).show(ui, |ui| show(ui));
     if shown.header_response.clicked()
         && let Some(state) = CollapsingState::load(ui.ctx(), shown.header_response.id)
     {

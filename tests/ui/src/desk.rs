@@ -214,11 +214,11 @@ impl Desk {
         }
     }
 
-    /// Clicks what is called so; what lies below the end of the side panel is scrolled to first.
+    /// Clicks what is called so; what lies beyond an end of the side panel is scrolled to first.
     pub fn click(&mut self, label: &str) {
         let timeline = self.harness.query_by_label("Step slider").map(|slider| slider.rect().top());
         let node = self.harness.get_by_label(label);
-        if timeline.is_some_and(|top| node.rect().bottom() > top) {
+        if timeline.is_some_and(|top| node.rect().bottom() > top || node.rect().top() < 0.0) {
             node.scroll_to_me();
             (0..3).for_each(|_| self.harness.step());
         }

@@ -156,7 +156,7 @@ fn who_leaves_while_an_export_is_under_way_is_asked() {
     desk.press(Key::Escape);
     desk.harness.step();
     let root = egui::ViewportId::ROOT;
-    let mut ask = |desk: &mut Desk| {
+    let ask = |desk: &mut Desk| {
         let viewport = desk.harness.input_mut().viewports.entry(root).or_default();
         viewport.events.push(egui::ViewportEvent::Close);
         desk.harness.step();
