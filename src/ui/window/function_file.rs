@@ -23,7 +23,7 @@ impl FunctionMenu {
         staying_menu(ui, "File...", |ui| {
             ui.label("A transfer function (JSON), or colour maps of ParaView (FILE.json, FILE.json#NAME):");
             let choices = [(Choice::File, "Choose file"), (Choice::Save, "Choose new file")];
-            self.path.show(ui, "Path of the transfer function", "path", &choices);
+            self.path.show(ui, ("Path of the transfer function", "path"), None, &choices);
             let path = self.path.path();
             let has_path = path.is_some();
             ui.horizontal(|ui| {

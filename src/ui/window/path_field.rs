@@ -43,7 +43,7 @@ pub fn system_dialogs() -> OpenDialog {
 }
 
 /// Width of the box, points.
-const WIDTH: f32 = 320.0;
+pub(super) const PATH_WIDTH: f32 = 320.0;
 
 /// The box, and the dialog while it is open.
 pub(super) struct PathField {
@@ -77,13 +77,21 @@ impl PathField {
         answer.is_some()
     }
 
-    /// Shows the box, named `name`, and buttons that open dialogs. Returns the box, and whether its path was entered or chosen.
-    pub(super) fn show(&mut self, ui: &mut Ui, name: &str, hint: &str, choices: &[(Choice, &str)]) -> (Response, bool) {
+    /// Shows the box, named `name`, below it the button `enter`, if there is one, and buttons that open dialogs. Returns the box, and whether
+    /// its path was entered or chosen.
+    pub(super) fn show(
+        &mut self,
+        ui: &mut Ui,
+        (name, hint): (&str, &str),
+        enter: Option<&str>,
+        choices: &[(Choice, &str)],
+    ) -> (Response, bool) {
         let is_chosen = self.take_chosen();
-        let edit = TextEdit::singleline(&mut self.text).hint_text(hint).desired_width(WIDTH);
+        let edit = TextEdit::singleline(&mut self.text).hint_text(hint).desired_width(PATH_WIDTH);
         let response = labelled(ui.add(edit), name);
-        let is_entered = response.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
+        let mut is_entered = response.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
         ui.horizontal(|ui| {
+            is_entered |= enter.is_some_and(|text| ui.button(text).clicked());
             for (choice, text) in choices {
                 if ui.add_enabled(self.dialog.is_none(), egui::Button::new(*text)).clicked() {
                     self.ask(ui.ctx(), *choice);

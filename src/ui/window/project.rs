@@ -85,7 +85,8 @@ impl ProjectMenu {
             let name = session.source().with_extension("toml");
             self.path.text = session.project_file().unwrap_or(&name).display().to_string();
         }
-        let (_, is_entered) = self.path.show(ui, "Path of the project file", "", &[(Choice::Save, "Choose new file")]);
+        let (_, is_entered) =
+            self.path.show(ui, ("Path of the project file", ""), None, &[(Choice::Save, "Choose new file")]);
         ui.horizontal(|ui| {
             let is_entered = ui.button("Save to this file").clicked() || is_entered;
             ui.checkbox(&mut self.may_replace, "replace it");

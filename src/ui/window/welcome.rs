@@ -1,6 +1,6 @@
 //! The views without a series, and while one is opened.
 
-use super::path_field::{OpenDialog, PathField, TO_OPEN};
+use super::path_field::{OpenDialog, PATH_WIDTH, PathField, TO_OPEN};
 use super::widgets::icon;
 use crate::field::FieldSelector;
 use crate::import::Format;
@@ -42,13 +42,12 @@ impl PathBox {
     /// Shows the box; returns the path once entered or chosen.
     pub(super) fn show(&mut self, ui: &mut Ui) -> Option<PathBuf> {
         let hint = format!("path of a .zarr, {}", Format::common_extensions());
-        let (response, is_entered) = self.0.show(ui, "Path to open", &hint, &TO_OPEN);
+        let (response, is_entered) = self.0.show(ui, ("Path to open", &hint), Some("Open"), &TO_OPEN);
         // Typing goes to the box, from the first letter on.
         if !is_entered && ui.memory(|memory| memory.focused().is_none()) {
             response.request_focus();
         }
         response.on_hover_text(all_formats());
-        let is_entered = ui.button("Open").clicked() || is_entered;
         self.0.path().filter(|_| is_entered)
     }
 
@@ -103,7 +102,7 @@ pub(super) fn show(ui: &mut Ui, path_box: &mut PathBox, files: &[RecentFile]) ->
             .on_hover_text(all_formats());
         ui.label("or name one:");
         ui.add_space(8.0);
-        ui.allocate_ui_with_layout(egui::vec2(400.0, 24.0), Layout::top_down(Align::Min), |ui| {
+        ui.allocate_ui_with_layout(egui::vec2(PATH_WIDTH, 24.0), Layout::top_down(Align::Min), |ui| {
             wish = path_box.show(ui).map(|path| Wish::Open(vec![path]));
             if !files.is_empty() {
                 ui.add_space(16.0);

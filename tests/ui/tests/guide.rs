@@ -89,6 +89,18 @@ fn the_tour() {
     desk.settle();
     assert!(desk.harness.query_by_label("ten steps back or on").is_some());
     shot(&mut desk, "guide_keys");
+    desk.press(Key::Escape);
+
+    desk.click("Second view");
+    desk.settle();
+    desk.click("Same data");
+    desk.settle();
+    desk.click("Colour map");
+    desk.settle();
+    desk.click("inferno");
+    desk.harness.hover_at(egui::pos2(5.0, 300.0));
+    desk.settle();
+    shot(&mut desk, "guide_views");
 }
 
 #[test]
