@@ -7,6 +7,7 @@ mod place;
 mod raster;
 mod ray;
 pub mod raycast;
+pub mod splat;
 mod tiles;
 mod values;
 

@@ -1,0 +1,3 @@
+//! Shapes that are drawn at once, without faces.
+
+pub mod ellipsoid;
