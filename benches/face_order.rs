@@ -61,13 +61,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut words = Vec::new();
     by_words(&mut words, 0);
     let drawn = order.order(&mesh, direction(0), &whole, &Cancel::new()).ok_or("cancelled")?;
-    assert!(drawn.faces.iter().eq(words.iter().map(|&word| word as u32).collect::<Vec<_>>().iter()), "same order");
+    assert!(drawn.ids.iter().eq(words.iter().map(|&word| word as u32).collect::<Vec<_>>().iter()), "same order");
     drop(drawn);
 
     measure("keys and par_sort_unstable of (key, id)", |round| by_words(&mut words, round));
     for fraction in [1.0, 0.5, 0.1] {
         let part = selector.select(&mesh, &ranking, fraction, &all);
-        measure(&format!("depth order, another direction, {} faces", part.faces.count()), |round| {
+        measure(&format!("depth order, another direction, {} faces", part.ids.count()), |round| {
             black_box(order.order(&mesh, direction(round), &part, &Cancel::new()));
         });
     }

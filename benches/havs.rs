@@ -12,7 +12,7 @@ use tetreel::render::cpu::raycast::Raycast;
 use tetreel::render::{KBuffer, RenderJob, Renderer};
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::transfer::{Lengths, MappedRange, OpacityKind, TransferFunction, build_node_table};
-use tetreel::visibility::{CellSet, DrawnFaces};
+use tetreel::visibility::{CellSet, Drawn};
 
 const FRAMES: usize = 9;
 const CELLS: u64 = 1_000_000;
@@ -89,7 +89,7 @@ fn with_faces(job: &RenderJob, share: f64) -> RenderJob {
     let mut faces: Vec<u32> = (0..topology.faces.len() as u32).filter(drawn).collect();
     faces.sort_by_cached_key(|&face| (depth(face) * 1e15) as i64);
     let is_complete = faces.len() == topology.faces.len();
-    RenderJob { faces: Some(Arc::new(DrawnFaces { faces, is_complete })), ..job.clone() }
+    RenderJob { faces: Some(Arc::new(Drawn { ids: faces, is_complete })), ..job.clone() }
 }
 
 fn scene(tf: &str) -> Result<RenderJob, Box<dyn Error>> {

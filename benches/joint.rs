@@ -11,7 +11,7 @@ use tetreel::render::cpu::{havs::Havs, raycast::Raycast};
 use tetreel::render::{JointScene, RenderJob, Renderer};
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::transfer::{Lengths, MappedRange, OpacityKind, TransferFunction, build_node_table};
-use tetreel::visibility::{CellSet, DrawnFaces};
+use tetreel::visibility::{CellSet, Drawn};
 
 const CELLS: u64 = 200_000;
 const PAIRS: usize = 11;
@@ -110,7 +110,7 @@ fn scene() -> Result<RenderJob, Box<dyn Error>> {
     faces.sort_by_cached_key(depth);
     let active = Arc::new(CellSet::all(mesh.topology.tets.len()));
     Ok(RenderJob {
-        faces: Some(Arc::new(DrawnFaces { faces, is_complete: true })),
+        faces: Some(Arc::new(Drawn { ids: faces, is_complete: true })),
         ..RenderJob::new(Arc::new(mesh), Arc::new(scalars), active, view, Arc::new(table))
     })
 }

@@ -12,7 +12,7 @@ use tetreel::render::RenderJob;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::Cancel;
 use tetreel::transfer::{Lengths, MappedRange, OpacityKind, TransferFunction, build_node_table};
-use tetreel::visibility::{CellSet, DepthOrder, DrawnFaces};
+use tetreel::visibility::{CellSet, DepthOrder, Drawn};
 
 /// Transfer function in which every cell is visible.
 pub const DENSE: &str = "viridis@0:0.05,1:0.5";
@@ -79,7 +79,7 @@ impl Jet {
         let job = self.job(tf, pixels)?;
         let ranking = Arc::new(Ranking::by_hash(&self.mesh.topology));
         let selection = Selector::default().select(&self.mesh, &ranking, share, &job.active);
-        let drawn: Option<Arc<DrawnFaces>> =
+        let drawn: Option<Arc<Drawn>> =
             DepthOrder::default().order(&self.mesh, job.view.forward, &selection, &Cancel::new());
         Ok(RenderJob { faces: Some(drawn.ok_or("cancelled")?), ..job })
     }

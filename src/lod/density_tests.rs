@@ -142,12 +142,12 @@ fn a_ranking_by_density_has_so_many_faces_of_each_density() {
     let densities = [1.0f32, 2.0, 4.0];
     let density: Vec<f32> = (0..topology.faces.len()).map(|face| densities[face / 7 % 3]).collect();
     let ranking = Ranking::by_density(topology, &density);
-    let mut all = ranking.faces().to_vec();
+    let mut all = ranking.ids().to_vec();
     all.sort_unstable();
     assert_eq!(all, interior(&mesh).iter().map(|&face| face as u32).collect::<Vec<_>>());
     let count = all.len() / 10;
     let mut found = [0.0; 3];
-    ranking.faces()[..count].iter().for_each(|&face| found[face as usize / 7 % 3] += 1.0);
+    ranking.ids()[..count].iter().for_each(|&face| found[face as usize / 7 % 3] += 1.0);
     let of_class = |class: usize| all.iter().filter(|&&face| face as usize / 7 % 3 == class).count() as f64;
     let total: f64 = (0..3).map(|class| of_class(class) * f64::from(densities[class])).sum();
     for class in 0..3 {
@@ -159,10 +159,10 @@ fn a_ranking_by_density_has_so_many_faces_of_each_density() {
     let none: Vec<f32> = (0..topology.faces.len()).map(|face| if face % 2 == 0 { 0.0 } else { 1.0 }).collect();
     let ranking = Ranking::by_density(topology, &none);
     let odd = all.iter().filter(|&&face| face % 2 == 1).count();
-    assert!(ranking.faces()[..odd].iter().all(|face| face % 2 == 1));
+    assert!(ranking.ids()[..odd].iter().all(|face| face % 2 == 1));
     // NaN densities: every face is still listed.
     let nan = vec![f32::NAN; topology.faces.len()];
-    assert_eq!(Ranking::by_density(topology, &nan).faces().len(), all.len());
+    assert_eq!(Ranking::by_density(topology, &nan).ids().len(), all.len());
 }
 
 #[test]
@@ -173,7 +173,7 @@ fn a_ranking_by_density_covers_the_mesh_more_evenly_than_chance() {
     // Of each 64 neighbours in the list, about 8 are in an eighth of the faces.
     let variance = |ranking: &Ranking| {
         let mut drawn = vec![false; topology.faces.len()];
-        ranking.faces()[..all.len() / 8].iter().for_each(|&face| drawn[face as usize] = true);
+        ranking.ids()[..all.len() / 8].iter().for_each(|&face| drawn[face as usize] = true);
         let counts: Vec<f64> =
             all.chunks_exact(64).map(|chunk| chunk.iter().filter(|&&face| drawn[face]).count() as f64).collect();
         counts.iter().map(|count| (count - 8.0).powi(2)).sum::<f64>() / counts.len() as f64
@@ -185,7 +185,7 @@ fn a_ranking_by_density_covers_the_mesh_more_evenly_than_chance() {
     // The sample has equally many of the kinds of faces that alternate in the list.
     let ranking = Ranking::by_density(topology, &vec![1.0; topology.faces.len()]);
     let place = |face: u32| all.binary_search(&(face as usize)).unwrap();
-    let odd = ranking.faces()[..all.len() / 8].iter().filter(|&&face| place(face) % 2 == 1).count();
+    let odd = ranking.ids()[..all.len() / 8].iter().filter(|&&face| place(face) % 2 == 1).count();
     let half = (all.len() / 16) as f64;
     assert!((odd as f64 - half).abs() < 4.0 * half.sqrt(), "{odd} of {half}");
 }

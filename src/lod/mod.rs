@@ -35,4 +35,4 @@ pub use importance::importance;
 pub use interpolation_error::sampling_density;
 pub use intervals::{Interval, Partition, interval_at, step_change};
 pub use ranking::{Ranking, list_change};
-pub use selection::{Selector, select};
+pub use selection::{CellSelector, Selector, select};

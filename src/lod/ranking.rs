@@ -1,21 +1,21 @@
-//! Interior faces in the order in which they are drawn as the level of detail rises.
+//! Interior faces, or cells, in the order in which they are drawn as the level of detail rises.
 
 use crate::mesh::{NONE, Topology};
 use crate::visibility::{IdSet, ascending_bits};
 use rayon::prelude::*;
 
-/// The interior faces of a mesh, each once, most important first.
+/// The interior faces of a mesh, or its cells, each once, most important first.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Ranking {
-    pub(super) faces: Vec<u32>,
-    pub(super) face_count: usize,
+    pub(super) ids: Vec<u32>,
+    pub(super) universe: usize,
 }
 
 impl Ranking {
     /// Ascending by a hash of the id: every subset is spread evenly over the mesh. Deterministic.
     pub fn by_hash(topology: &Topology) -> Self {
-        let Self { faces, face_count } = Self::unordered(topology);
-        Self { faces: sorted(&faces, hash), face_count }
+        let Self { ids, universe } = Self::unordered(topology);
+        Self { ids: sorted(&ids, hash), universe }
     }
 
     /// Descending by `importance`, one number for each face ([`importance`](super::importance())); ties by hash. NaN counts as 0.
@@ -24,18 +24,18 @@ impl Ranking {
     /// If there is not one for each face of `topology`.
     pub fn by_importance(topology: &Topology, importance: &[f32]) -> Self {
         assert_eq!(importance.len(), topology.faces.len(), "one importance per face");
-        let Self { faces, face_count } = Self::by_hash(topology);
+        let Self { ids, universe } = Self::by_hash(topology);
         let key = |face: u32| {
             let importance = importance[face as usize];
             !ascending_bits(if importance.is_nan() { 0.0 } else { importance + 0.0 })
         };
-        Self { faces: sorted(&faces, key), face_count }
+        Self { ids: sorted(&ids, key), universe }
     }
 
     /// In id order: for a level that draws all of them.
     pub fn unordered(topology: &Topology) -> Self {
         let interior = (0u32..).zip(&topology.face_cells).filter(|(_, cells)| cells[1] != NONE);
-        Self { faces: interior.map(|(face, _)| face).collect(), face_count: topology.faces.len() }
+        Self { ids: interior.map(|(face, _)| face).collect(), universe: topology.faces.len() }
     }
 
     /// A sample with `density` as relative density: the first n faces are those with density above a threshold times a random number (order
@@ -49,25 +49,35 @@ impl Ranking {
     /// If there is not one density for each face of `topology`.
     pub fn by_density(topology: &Topology, density: &[f32]) -> Self {
         assert_eq!(density.len(), topology.faces.len(), "one density per face");
-        let Self { faces, face_count } = Self::unordered(topology);
+        Self::unordered(topology).sampled(|face| density[face as usize], 0)
+    }
+
+    /// A sample of `cells` cells, all of one density, by the random numbers of a seed: otherwise as [`Self::by_density`].
+    pub fn of_cells(cells: usize, seed: u32) -> Self {
+        Self { ids: (0..cells as u32).collect(), universe: cells }.sampled(|_| 1.0, seed)
+    }
+
+    /// A sample of these ids by their densities.
+    fn sampled(self, density: impl Fn(u32) -> f32 + Sync, seed: u32) -> Self {
+        let Self { ids, universe } = self;
         let key = |place: u32| {
-            let density = density[faces[place as usize] as usize];
-            let key = (f64::from(scrambled(place.reverse_bits())) + 0.5) / f64::from(density);
+            let density = density(ids[place as usize]);
+            let key = (f64::from(scrambled(place.reverse_bits(), seed)) + 0.5) / f64::from(density);
             if density > 0.0 { ascending_bits(key as f32) } else { u32::MAX }
         };
-        let places: Vec<u32> = (0..faces.len() as u32).collect();
+        let places: Vec<u32> = (0..ids.len() as u32).collect();
         let order = sorted(&places, key);
-        Self { faces: order.into_iter().map(|place| faces[place as usize]).collect(), face_count }
+        Self { ids: order.into_iter().map(|place| ids[place as usize]).collect(), universe }
     }
 
-    /// The faces, most important first.
-    pub fn faces(&self) -> &[u32] {
-        &self.faces
+    /// The faces or cells, most important first.
+    pub fn ids(&self) -> &[u32] {
+        &self.ids
     }
 
-    /// Number of faces of the mesh, those of its surface included.
+    /// Number of cells, or of faces, those of the surface included, of the mesh.
     pub fn universe(&self) -> usize {
-        self.face_count
+        self.universe
     }
 }
 
@@ -89,8 +99,8 @@ pub(super) fn hash(face: u32) -> u32 {
 }
 
 /// Flips each bit by a hash of those below it (the permutation of Burley 2020, listing 3, after S. Laine and T. Karras).
-fn scrambled(bits: u32) -> u32 {
-    let mut x = bits.wrapping_add(0x1234_5678);
+fn scrambled(bits: u32, seed: u32) -> u32 {
+    let mut x = bits.wrapping_add(0x1234_5678).wrapping_add(seed.wrapping_mul(0x9E37_79B9));
     for factor in [0x6C50_B47C, 0xB82F_1E52, 0xC7AF_E638, 0x8D22_F6E6u32] {
         x ^= x.wrapping_mul(factor);
     }
@@ -110,13 +120,13 @@ pub(super) fn share(fraction: f64, count: usize) -> usize {
 /// # Panics
 /// If the rankings are of meshes with different numbers of faces.
 pub fn list_change(a: &Ranking, b: &Ranking, fraction: f64) -> f64 {
-    assert_eq!((a.face_count, a.faces.len()), (b.face_count, b.faces.len()), "rankings of one mesh");
-    let count = share(fraction, a.faces.len());
+    assert_eq!((a.universe, a.ids.len()), (b.universe, b.ids.len()), "rankings of one mesh");
+    let count = share(fraction, a.ids.len());
     if count == 0 {
         return 0.0;
     }
-    let mut drawn = IdSet::none(a.face_count);
-    a.faces[..count].iter().for_each(|&face| drawn.set(face, true));
-    let others = b.faces[..count].iter().filter(|&&face| !drawn.contains(face)).count();
+    let mut drawn = IdSet::none(a.universe);
+    a.ids[..count].iter().for_each(|&face| drawn.set(face, true));
+    let others = b.ids[..count].iter().filter(|&&face| !drawn.contains(face)).count();
     others as f64 / count as f64
 }

@@ -39,20 +39,20 @@ impl Ranking {
     /// As [`Self::by_strata`], and if this ranking belongs to another mesh.
     pub fn in_strata(&self, topology: &Topology, scalars: &[f32]) -> Self {
         assert_eq!(scalars.len(), topology.vertex_count as usize, "one scalar per vertex");
-        assert_eq!(self.face_count, topology.faces.len(), "a ranking of this mesh");
+        assert_eq!(self.universe, topology.faces.len(), "a ranking of this mesh");
         let bins = bins(&topology.faces, scalars);
         let bin_of = |face: u32| usize::from(bins[face as usize]);
 
         // Counting sort by bin.
         let mut ends = vec![0usize; BINS + 1];
-        self.faces.iter().for_each(|&face| ends[bin_of(face)] += 1);
+        self.ids.iter().for_each(|&face| ends[bin_of(face)] += 1);
         let sizes = ends.clone();
         let mut end = 0;
         for count in &mut ends {
             end += std::mem::replace(count, end);
         }
-        let mut by_bin = vec![0; self.faces.len()];
-        for &face in &self.faces {
+        let mut by_bin = vec![0; self.ids.len()];
+        for &face in &self.ids {
             let place = &mut ends[bin_of(face)];
             by_bin[*place] = face;
             *place += 1;
@@ -62,7 +62,7 @@ impl Ranking {
         let mut order: Vec<usize> = (0..BINS).collect();
         order.sort_unstable_by_key(|&bin| hash(bin as u32));
         let mut places = rounds(&sizes[..BINS]);
-        let mut faces = vec![0; self.faces.len()];
+        let mut faces = vec![0; self.ids.len()];
         for bin in order {
             for (place, &face) in places.iter_mut().zip(&by_bin[ends[bin] - sizes[bin]..ends[bin]]) {
                 faces[*place] = face;
@@ -71,7 +71,7 @@ impl Ranking {
         }
         let holes = by_bin.len() - sizes[BINS];
         faces[holes..].copy_from_slice(&by_bin[holes..]);
-        Self { faces, face_count: self.face_count }
+        Self { ids: faces, universe: self.universe }
     }
 }
 

@@ -4,7 +4,7 @@ use super::ranking::hash;
 use super::*;
 use crate::mesh::{Mesh, NONE, RawMesh, Topology, test_meshes};
 use crate::moments::{CovDenominator, Moments};
-use crate::visibility::{CellSet, FaceSelection};
+use crate::visibility::{CellSet, Selection};
 use glam::DVec3;
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -28,7 +28,7 @@ fn interior(topology: &Topology) -> Vec<u32> {
 }
 
 fn assert_is_of_all_interior_faces(ranking: &Ranking, topology: &Topology) {
-    let mut faces = ranking.faces().to_vec();
+    let mut faces = ranking.ids().to_vec();
     faces.sort_unstable();
     assert_eq!(faces, interior(topology));
 }
@@ -100,9 +100,9 @@ fn the_ranking_descends_by_importance_and_is_random_among_equals() {
     let number = |face: u32| if importance[face as usize].is_nan() { 0.0 } else { importance[face as usize] };
     let mut expected = interior(topology);
     expected.sort_by(|&a, &b| number(b).partial_cmp(&number(a)).unwrap().then(hash(a).cmp(&hash(b))));
-    assert_eq!(ranking.faces(), expected);
+    assert_eq!(ranking.ids(), expected);
     importance[expected[0] as usize] = -9.0;
-    assert_ne!(Ranking::by_importance(topology, &importance).faces(), expected, "the comparison notices one number");
+    assert_ne!(Ranking::by_importance(topology, &importance).ids(), expected, "the comparison notices one number");
 }
 
 #[test]
@@ -110,7 +110,7 @@ fn where_nothing_changes_every_part_of_the_mesh_has_its_share_of_the_first_faces
     let mesh = mesh([12, 12, 12]);
     let topology = &mesh.topology;
     let ranking = Ranking::by_importance(topology, &vec![0.0; topology.faces.len()]);
-    let taken = &ranking.faces()[..ranking.faces().len() / 10];
+    let taken = &ranking.ids()[..ranking.ids().len() / 10];
     // Along the curve, in ten parts of equally many faces.
     let part = |face: u32| face as usize * 10 / topology.faces.len();
     let mut counts = [0_f64; 10];
@@ -167,7 +167,7 @@ fn strata_give_one_face_each_in_turn() {
     let check = |scalars: &[f32]| {
         let ranking = Ranking::by_strata(topology, scalars);
         assert_is_of_all_interior_faces(&ranking, topology);
-        assert_eq!(ranking.faces(), naive_strata(topology, scalars));
+        assert_eq!(ranking.ids(), naive_strata(topology, scalars));
         ranking
     };
     let ranking = check(&scalars);
@@ -175,8 +175,8 @@ fn strata_give_one_face_each_in_turn() {
     (holes[17], holes[40]) = (f32::NAN, f32::INFINITY);
     let with_holes = check(&holes);
     let is_hole = |face: &u32| topology.faces[*face as usize].iter().any(|v| [17, 40].contains(v));
-    let first = with_holes.faces().iter().position(is_hole).unwrap();
-    assert!(with_holes.faces()[first..].iter().all(is_hole), "faces of holes are the last");
+    let first = with_holes.ids().iter().position(is_hole).unwrap();
+    assert!(with_holes.ids()[first..].iter().all(is_hole), "faces of holes are the last");
     assert_ne!(with_holes, ranking);
     // Constants, zeros of both signs, all holes and the widest range are handled.
     for value in [0.0, -7.5, f32::NAN, f32::MAX] {
@@ -193,7 +193,7 @@ fn every_value_that_occurs_is_among_the_first_faces() {
     let rare: Vec<f32> = (0..vertices(topology)).map(|v| if v % 500 == 250 { 1.0 } else { 0.0 }).collect();
     let values = |ranking: &Ranking, count: usize| {
         let value = |face: &u32| topology.faces[*face as usize].iter().map(|&v| rare[v as usize]).sum::<f32>() as u32;
-        let mut values: Vec<u32> = ranking.faces()[..count].iter().map(value).collect();
+        let mut values: Vec<u32> = ranking.ids()[..count].iter().map(value).collect();
         values.sort_unstable();
         values.dedup();
         values
@@ -223,7 +223,7 @@ fn rankings_and_selections_are_the_same_with_any_number_of_threads() {
 
 #[test]
 fn lists_change_by_the_share_of_faces_that_are_others() {
-    let ranking = |faces: &[u32]| Ranking { faces: faces.to_vec(), face_count: 9 };
+    let ranking = |faces: &[u32]| Ranking { ids: faces.to_vec(), universe: 9 };
     let (a, b) = (ranking(&[1, 2, 3, 4, 5, 6]), ranking(&[6, 3, 2, 1, 5, 4]));
     assert_eq!(list_change(&a, &b, 0.5), 1.0 / 3.0);
     assert_eq!(list_change(&a, &b, 1.0 / 6.0), 1.0);
@@ -236,7 +236,7 @@ fn lists_change_by_the_share_of_faces_that_are_others() {
 fn naive_selection(topology: &Topology, ranking: &Ranking, fraction: f64, active: &CellSet) -> (Vec<u32>, bool) {
     let is_active = |cell: u32| cell != NONE && active.contains(cell);
     let sides = |face: u32| topology.face_cells[face as usize].map(is_active).iter().filter(|&&a| a).count();
-    let inner: Vec<u32> = ranking.faces().iter().copied().filter(|&face| sides(face) == 2).collect();
+    let inner: Vec<u32> = ranking.ids().iter().copied().filter(|&face| sides(face) == 2).collect();
     let count = (fraction * inner.len() as f64).round() as usize;
     let mut drawn = inner[..count].to_vec();
     drawn.extend((0..topology.faces.len() as u32).filter(|&face| sides(face) == 1));
@@ -244,8 +244,8 @@ fn naive_selection(topology: &Topology, ranking: &Ranking, fraction: f64, active
     (drawn, count == inner.len())
 }
 
-fn ids(selection: &FaceSelection) -> Vec<u32> {
-    (0..selection.faces.universe() as u32).filter(|&face| selection.faces.contains(face)).collect()
+fn ids(selection: &Selection) -> Vec<u32> {
+    (0..selection.ids.universe() as u32).filter(|&face| selection.ids.contains(face)).collect()
 }
 
 proptest! {
@@ -265,7 +265,7 @@ proptest! {
             let once = select(topology, &ranking, fraction, &active);
             prop_assert_eq!(&ids(&once), &expected);
             prop_assert_eq!(once.is_complete, is_complete);
-            prop_assert_eq!(once.faces.count(), expected.len());
+            prop_assert_eq!(once.ids.count(), expected.len());
             prop_assert_eq!(&*selector.select(&mesh, &ranking, fraction, &active), &once);
         }
         // A single differing cell is detected.
@@ -307,11 +307,11 @@ fn a_mesh_without_inner_faces_is_drawn_whole_at_any_level() {
         Ranking::by_importance(topology, &[1.0; 4]),
         Ranking::by_strata(topology, &[f32::NAN; 4]),
     ] {
-        assert!(ranking.faces().is_empty());
+        assert!(ranking.ids().is_empty());
         for fraction in [0.0, 0.3, 1.0, f64::NAN, -1.0, 7.0] {
             let drawn = select(topology, &ranking, fraction, &CellSet::all(1));
             assert_eq!((ids(&drawn), drawn.is_complete), (vec![0, 1, 2, 3], true));
-            assert_eq!(select(topology, &ranking, fraction, &CellSet::none(1)).faces.count(), 0);
+            assert_eq!(select(topology, &ranking, fraction, &CellSet::none(1)).ids.count(), 0);
         }
         assert_eq!(list_change(&ranking, &ranking, 0.5), 0.0);
     }

@@ -81,7 +81,7 @@ fn joint_values_of(job: &RenderJob) -> usize {
 
 /// Number of faces that a job draws.
 fn faces_of(job: &RenderJob) -> usize {
-    job.faces.as_ref().map_or(0, |drawn| drawn.faces.len())
+    job.faces.as_ref().map_or(0, |drawn| drawn.ids.len())
 }
 
 /// The GPU that frames are rendered on, if there is one.

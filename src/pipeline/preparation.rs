@@ -28,7 +28,7 @@ use crate::stats::FrameStats;
 use crate::task::Cancel;
 use crate::transfer::TransferSource;
 use crate::visibility::{
-    Activity, CellSet, CutPlanes, DepthOrder, DrawnFaces, FaceSelection, Label, Skip, TransparentIntervals,
+    Activity, CellSet, CutPlanes, DepthOrder, Drawn, Label, Selection, Skip, TransparentIntervals,
 };
 use std::sync::{Arc, LazyLock};
 use std::time::Instant;
@@ -465,7 +465,7 @@ impl Order {
         detail: FaceDetail,
         active: &Arc<CellSet>,
         cancel: &Cancel,
-    ) -> Result<Arc<FaceSelection>, PipelineError> {
+    ) -> Result<Arc<Selection>, PipelineError> {
         let FaceDetail { lod, sampling, .. } = detail;
         let ranking = if lod < 1.0 {
             series.ranking(step, sampling, cancel)?.ok_or(PipelineError::Cancelled)?
@@ -480,10 +480,10 @@ impl Order {
         &mut self,
         series: &Series,
         view: &View,
-        selection: &Arc<FaceSelection>,
+        selection: &Arc<Selection>,
         cancel: &Cancel,
         stats: &mut FrameStats,
-    ) -> Result<Arc<DrawnFaces>, PipelineError> {
+    ) -> Result<Arc<Drawn>, PipelineError> {
         let (sorts, skipped) = (self.depth.sorts(), self.depth.sorts_skipped());
         let drawn = self.depth.order(&series.mesh, view.forward, selection, cancel);
         stats.face_sorts = self.depth.sorts() - sorts;

@@ -32,7 +32,7 @@ use crate::optics::OpticsKind;
 use crate::stats::FrameStats;
 use crate::task::{Cancel, ThreadLimit};
 use crate::transfer::TransferSource;
-use crate::visibility::{CellSet, Clusters, DrawnFaces, Skip};
+use crate::visibility::{CellSet, Clusters, Drawn, Skip};
 pub use adaptive::{BadContrast, Contrast};
 pub use frame_run::{FrameRun, LayerRenderer};
 pub use joint::JointScene;
@@ -59,7 +59,7 @@ pub struct RenderJob {
     /// where that is cheaper.
     pub finite: Option<Arc<CellSet>>,
     /// The faces to draw, for renderers that draw faces instead of cells.
-    pub faces: Option<Arc<DrawnFaces>>,
+    pub faces: Option<Arc<Drawn>>,
     /// How fragments of these faces are brought into depth order.
     pub k_buffer: KBuffer,
     /// Camera and image size.

@@ -1,9 +1,9 @@
-//! Sorts faces front to back.
+//! Sorts faces, or cells, front to back.
 //!
 //! The key of a face is the depth of its centroid along the view direction, in the mesh's local frame (dissertation 6.1.3: faces
 //! are "sorted approximately by their centroids"): dot(direction, centroid - origin). It does not depend on the eye, so panning, dollying
 //! and a change of projection need no new order, nor does the direction's length matter. Since a common factor does not change the order,
-//! the key is the sum over the three corners, not their mean. Vertices are projected once, in f64, and rounded to f32; a face takes two
+//! the key is the sum over the three corners (of a cell four), not their mean. Vertices are projected once, in f64, and rounded to f32; a face takes two
 //! additions.
 //!
 //! # What is sorted, and when
@@ -33,7 +33,7 @@
 
 use super::parts::{CHUNK, fill_parts};
 use super::radix::RadixSort;
-use super::{DrawnFaces, FaceSelection, IdSet, Pool};
+use super::{Drawn, IdSet, Pool, Selection};
 use crate::mesh::Mesh;
 use crate::slowdown::{Slow, waste};
 use crate::task::Cancel;
@@ -44,13 +44,42 @@ use std::sync::Arc;
 /// Vertices per task when projecting.
 const VERTICES_AT_ONCE: usize = 8192;
 
-/// Sorts faces by depth, and keeps the last sort. Keeps its memory: 20 bytes per face of the largest sort, 4 per vertex, and the lists
+/// What is sorted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Elements {
+    /// The faces of a mesh.
+    #[default]
+    Faces,
+    /// Its cells.
+    Cells,
+}
+
+impl Elements {
+    /// Their number in a mesh.
+    fn count(self, mesh: &Mesh) -> usize {
+        match self {
+            Self::Faces => mesh.topology.faces.len(),
+            Self::Cells => mesh.topology.tets.len(),
+        }
+    }
+
+    /// Corners of each.
+    fn corners(self) -> f32 {
+        match self {
+            Self::Faces => 3.0,
+            Self::Cells => 4.0,
+        }
+    }
+}
+
+/// Sorts faces or cells by depth, and keeps the last sort. Keeps its memory: 20 bytes per face of the largest sort, 4 per vertex, and the lists
 /// handed out.
 #[derive(Debug, Default)]
 pub struct DepthOrder {
+    elements: Elements,
     /// Mesh and direction that `sorted` belongs to.
     state: Option<(Arc<Mesh>, DVec3)>,
-    /// The faces that are sorted.
+    /// What is sorted of them.
     pub(super) scope: IdSet,
     scope_count: usize,
     projections: Vec<f32>,
@@ -60,13 +89,18 @@ pub struct DepthOrder {
     /// End of each chunk's remaining faces in a filtered list.
     ends: Vec<u32>,
     /// The last request and its answer.
-    last: Option<(Arc<FaceSelection>, Arc<DrawnFaces>)>,
-    pool: Pool<DrawnFaces>,
+    last: Option<(Arc<Selection>, Arc<Drawn>)>,
+    pool: Pool<Drawn>,
     sorts: u64,
     skipped: u64,
 }
 
 impl DepthOrder {
+    /// An order of faces or of cells.
+    pub fn of(elements: Elements) -> Self {
+        Self { elements, ..Self::default() }
+    }
+
     /// Number of sorts.
     pub fn sorts(&self) -> u64 {
         self.sorts
@@ -77,7 +111,7 @@ impl DepthOrder {
         self.skipped
     }
 
-    /// The faces of `selection`, front to back along `direction` (world or local: the frames are parallel; any length; finite). Faces of
+    /// The faces or cells of `selection`, front to back along `direction` (world or local: the frames are parallel; any length; finite). Those of
     /// equal depth are ascending by id. `None` if `cancel` was raised before the end.
     ///
     /// # Panics
@@ -86,10 +120,10 @@ impl DepthOrder {
         &mut self,
         mesh: &Arc<Mesh>,
         direction: DVec3,
-        selection: &Arc<FaceSelection>,
+        selection: &Arc<Selection>,
         cancel: &Cancel,
-    ) -> Option<Arc<DrawnFaces>> {
-        assert_eq!(selection.faces.universe(), mesh.topology.faces.len(), "a selection of the faces of this mesh");
+    ) -> Option<Arc<Drawn>> {
+        assert_eq!(selection.ids.universe(), self.elements.count(mesh), "a selection of this mesh");
         let is_known = self.state.as_ref().is_some_and(|(of, along)| Arc::ptr_eq(of, mesh) && *along == direction);
         if let Some((of, drawn)) = &self.last
             && is_known
@@ -99,14 +133,14 @@ impl DepthOrder {
             return Some(drawn.clone());
         }
         self.last = None;
-        if is_known && selection.faces.is_within(&self.scope) {
+        if is_known && selection.ids.is_within(&self.scope) {
             self.skipped += 1;
         } else {
             self.state = None;
             if is_known {
-                self.scope = IdSet::all(selection.faces.universe());
+                self.scope = IdSet::all(selection.ids.universe());
             } else {
-                self.scope.copy_from(&selection.faces);
+                self.scope.copy_from(&selection.ids);
             }
             self.sort(mesh, direction, cancel)?;
             self.state = Some((mesh.clone(), direction));
@@ -114,13 +148,13 @@ impl DepthOrder {
         }
         let Self { radix, ends, scope_count, .. } = self;
         let sorted = radix.sorted();
-        let is_all = selection.faces.count() == *scope_count;
+        let is_all = selection.ids.count() == *scope_count;
         let drawn = self.pool.make(|drawn| {
             drawn.is_complete = selection.is_complete;
             if is_all {
-                copy(sorted, &mut drawn.faces);
+                copy(sorted, &mut drawn.ids);
             } else {
-                filter(sorted, &selection.faces, ends, &mut drawn.faces);
+                filter(sorted, &selection.ids, ends, &mut drawn.ids);
             }
         });
         self.last = Some((selection.clone(), drawn.clone()));
@@ -129,29 +163,44 @@ impl DepthOrder {
 
     /// Sorts the faces of the scope.
     fn sort(&mut self, mesh: &Mesh, direction: DVec3, cancel: &Cancel) -> Option<()> {
-        let Self { scope, scope_count, projections, ids, radix, ends, .. } = self;
+        let Self { elements, scope, scope_count, projections, ids, radix, ends, .. } = self;
+        let elements = *elements;
         projections.resize(mesh.positions.local.len(), 0.0);
         let vertices = projections.par_iter_mut().zip(&mesh.positions.local).with_min_len(VERTICES_AT_ONCE);
         vertices.for_each(|(projection, local)| *projection = direction.dot(local.as_dvec3()) as f32);
         let chunks = projections.par_chunks(VERTICES_AT_ONCE);
         let extent = |part: &[f32]| part.iter().fold(NOTHING, |range, &x| union(range, [x, x]));
-        let range = chunks.map(extent).reduce(|| NOTHING, union).map(|end| 3.0 * end);
+        let range = chunks.map(extent).reduce(|| NOTHING, union).map(|end| elements.corners() * end);
         *scope_count = scope.count();
         waste(Slow::RadixSort, *scope_count);
         if cancel.is_cancelled() {
             return None;
         }
-        let faces = &mesh.topology.faces;
-        let key = |face: u32| {
-            let [a, b, c] = faces[face as usize].map(|vertex| projections[vertex as usize]);
-            a + b + c
-        };
-        if *scope_count == faces.len() {
-            // A list of all faces need not be built.
-            return radix.sort(faces.len(), |at| at as u32, key, range, cancel);
+        let at = |vertex: u32| projections[vertex as usize];
+        let (all, topology) = (elements.count(mesh), &mesh.topology);
+        // A list of all need not be built.
+        let listed = (*scope_count < all).then(|| {
+            list(scope, ends, ids);
+            &ids[..]
+        });
+        let count = listed.map_or(all, <[u32]>::len);
+        let id = |at: usize| listed.map_or(at as u32, |ids| ids[at]);
+        match elements {
+            Elements::Faces => {
+                let key = |face: u32| {
+                    let [a, b, c] = topology.faces[face as usize].map(at);
+                    a + b + c
+                };
+                radix.sort(count, id, key, range, cancel)
+            }
+            Elements::Cells => {
+                let key = |cell: u32| {
+                    let [a, b, c, d] = topology.tets[cell as usize].map(at);
+                    (a + b) + (c + d)
+                };
+                radix.sort(count, id, key, range, cancel)
+            }
         }
-        list(scope, ends, ids);
-        radix.sort(ids.len(), |at| ids[at], key, range, cancel)
     }
 }
 
@@ -161,8 +210,8 @@ fn union([lo, hi]: [f32; 2], [a, b]: [f32; 2]) -> [f32; 2] {
     [lo.min(a), hi.max(b)]
 }
 
-/// The faces of a set, ascending by id.
-fn list(set: &IdSet, ends: &mut Vec<u32>, out: &mut Vec<u32>) {
+/// The ids of a set, ascending.
+pub(super) fn list(set: &IdSet, ends: &mut Vec<u32>, out: &mut Vec<u32>) {
     const WORDS: usize = CHUNK / 64;
     let chunks = set.words().par_chunks(WORDS);
     chunks.map(|words| words.iter().map(|word| word.count_ones()).sum()).collect_into_vec(ends);

@@ -89,6 +89,12 @@ impl IdSet {
         self.words.iter_mut().zip(&other.words).for_each(|(word, more)| *word |= more);
     }
 
+    /// Becomes the empty set of `len` ids, in its own memory.
+    pub fn clear_to(&mut self, len: usize) {
+        self.resize(len);
+        self.words.fill(0);
+    }
+
     /// Becomes equal to `other`, in its own memory.
     pub fn copy_from(&mut self, other: &Self) {
         self.words.clone_from(&other.words);

@@ -4,8 +4,7 @@ mod active;
 mod clusters;
 mod cut_cells;
 mod depth_order;
-mod drawn_faces;
-mod face_selection;
+mod drawn;
 mod id_set;
 mod moved;
 #[cfg(test)]
@@ -16,21 +15,22 @@ mod parts;
 mod pool;
 mod radix;
 mod restricted;
+mod selection;
 mod skip;
 mod transparent;
 
 pub use active::{ActiveCells, Activity};
 pub use clusters::Clusters;
 pub use cut_cells::{CutCells, CutPlanes};
-pub use depth_order::DepthOrder;
-pub use drawn_faces::DrawnFaces;
-pub use face_selection::FaceSelection;
+pub use depth_order::{DepthOrder, Elements};
+pub use drawn::Drawn;
 pub use id_set::{CellSet, IdSet};
 pub use outside::NeededClusters;
 pub use part_cells::PartCells;
 pub use pool::Pool;
 pub use radix::ascending_bits;
 pub use restricted::Restricted;
+pub use selection::Selection;
 pub use skip::Skip;
 pub use transparent::{HOLE, Label, TransparentIntervals, VISIBLE};
 

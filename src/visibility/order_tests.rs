@@ -14,31 +14,31 @@ fn grid(n: [usize; 3]) -> Arc<Mesh> {
     Arc::new(Mesh::build(kuhn_grid(n)).unwrap().0)
 }
 
-fn whole(mesh: &Mesh) -> Arc<FaceSelection> {
+fn whole(mesh: &Mesh) -> Arc<Selection> {
     some(mesh, |_| true)
 }
 
-fn some(mesh: &Mesh, is_in: impl Fn(u32) -> bool + Sync) -> Arc<FaceSelection> {
+fn some(mesh: &Mesh, is_in: impl Fn(u32) -> bool + Sync) -> Arc<Selection> {
     let faces = IdSet::of(mesh.topology.faces.len(), |face| is_in(face as u32));
     let is_complete = faces.count() == faces.universe();
-    Arc::new(FaceSelection { faces, is_complete })
+    Arc::new(Selection { ids: faces, is_complete })
 }
 
 /// Oracle: a stable sort by the depth of the centroid.
-fn naive(mesh: &Mesh, direction: DVec3, selection: &FaceSelection) -> Vec<u32> {
+fn naive(mesh: &Mesh, direction: DVec3, selection: &Selection) -> Vec<u32> {
     let depth: Vec<f32> = mesh.positions.local.iter().map(|p| direction.dot(p.as_dvec3()) as f32).collect();
     let key = |face: u32| {
         let [a, b, c] = mesh.topology.faces[face as usize].map(|v| depth[v as usize]);
         a + b + c
     };
     let mut faces: Vec<u32> =
-        (0..selection.faces.universe() as u32).filter(|&face| selection.faces.contains(face)).collect();
+        (0..selection.ids.universe() as u32).filter(|&face| selection.ids.contains(face)).collect();
     // The standard library's sort is stable; +0 and -0 compare equal.
     faces.sort_by(|&a, &b| key(a).partial_cmp(&key(b)).unwrap());
     faces
 }
 
-fn order(of: &mut DepthOrder, mesh: &Arc<Mesh>, direction: DVec3, selection: &Arc<FaceSelection>) -> Arc<DrawnFaces> {
+fn order(of: &mut DepthOrder, mesh: &Arc<Mesh>, direction: DVec3, selection: &Arc<Selection>) -> Arc<Drawn> {
     of.order(mesh, direction, selection, &Cancel::new()).unwrap()
 }
 
@@ -56,18 +56,18 @@ proptest! {
         let mut depth_order = DepthOrder::default();
         let selection = some(&mesh, |face| face % 5 < keep);
         let drawn = order(&mut depth_order, &mesh, direction, &selection);
-        prop_assert_eq!(&drawn.faces, &naive(&mesh, direction, &selection));
+        prop_assert_eq!(&drawn.ids, &naive(&mesh, direction, &selection));
         prop_assert_eq!(drawn.is_complete, selection.is_complete);
         // Filtered from the sorted faces, or sorted anew.
         for part in parts {
             let part = some(&mesh, |face| face % part != 1);
-            prop_assert_eq!(&order(&mut depth_order, &mesh, direction, &part).faces, &naive(&mesh, direction, &part));
+            prop_assert_eq!(&order(&mut depth_order, &mesh, direction, &part).ids, &naive(&mesh, direction, &part));
         }
         prop_assert!(depth_order.sorts() <= 2, "at most twice for a direction");
         // The comparison detects another direction.
         if direction != DVec3::ZERO {
             let other = order(&mut depth_order, &mesh, -direction, &selection);
-            prop_assert_ne!(&other.faces, &drawn.faces);
+            prop_assert_ne!(&other.ids, &drawn.ids);
         }
     }
 }
@@ -87,7 +87,7 @@ fn the_order_is_the_same_with_any_number_of_threads() {
         })
     };
     let one = run(1);
-    assert_eq!(one.0.faces, naive(&mesh, direction, &whole(&mesh)));
+    assert_eq!(one.0.ids, naive(&mesh, direction, &whole(&mesh)));
     for threads in 2..=4 {
         assert_eq!(run(threads), one, "{threads} threads");
     }
@@ -107,7 +107,7 @@ fn faces_that_all_lie_in_one_bucket_are_sorted_too() {
     let mesh = Arc::new(Mesh::build(raw).unwrap().0);
     let mut depth_order = DepthOrder::default();
     let drawn = order(&mut depth_order, &mesh, DVec3::X, &whole(&mesh));
-    assert_eq!(drawn.faces, naive(&mesh, DVec3::X, &whole(&mesh)));
+    assert_eq!(drawn.ids, naive(&mesh, DVec3::X, &whole(&mesh)));
 }
 
 #[test]
@@ -134,7 +134,7 @@ fn active_cells_that_change_cause_one_more_sort_for_a_direction() {
     for step in 2..12 {
         let selection = some(&mesh, |face| face % step != 0);
         let drawn = order(&mut depth_order, &mesh, DVec3::NEG_Z, &selection);
-        assert_eq!(drawn.faces, naive(&mesh, DVec3::NEG_Z, &selection));
+        assert_eq!(drawn.ids, naive(&mesh, DVec3::NEG_Z, &selection));
     }
     assert_eq!((depth_order.sorts(), depth_order.sorts_skipped()), (2, 8));
 }
@@ -145,7 +145,7 @@ fn a_level_of_detail_sorts_its_faces_and_then_all_for_one_direction() {
     let mut depth_order = DepthOrder::default();
     let level = |keep: u32| some(&mesh, |face| face % 10 < keep);
     order(&mut depth_order, &mesh, DVec3::X, &level(5));
-    assert_eq!(depth_order.scope.count(), level(5).faces.count(), "the time is linear in what is drawn");
+    assert_eq!(depth_order.scope.count(), level(5).ids.count(), "the time is linear in what is drawn");
     order(&mut depth_order, &mesh, DVec3::X, &level(3));
     assert_eq!(depth_order.sorts(), 1, "fewer are filtered");
     for keep in [6, 8, 10] {
@@ -163,7 +163,7 @@ fn memory_goes_round_unless_somebody_holds_it() {
     let places: std::collections::BTreeSet<usize> = (1..100)
         .map(|i| {
             let direction = DVec3::new(1.0, f64::from(i), 0.0);
-            order(&mut depth_order, &mesh, direction, &whole(&mesh)).faces.as_ptr() as usize
+            order(&mut depth_order, &mesh, direction, &whole(&mesh)).ids.as_ptr() as usize
         })
         .collect();
     assert!(places.len() <= 2, "{} buffers for one list after the other", places.len());
@@ -178,7 +178,7 @@ fn a_cancelled_order_is_none_and_the_next_one_is_right() {
     cancel.cancel();
     assert_eq!(depth_order.order(&mesh, DVec3::X, &whole(&mesh), &cancel), None);
     let drawn = order(&mut depth_order, &mesh, DVec3::X, &whole(&mesh));
-    assert_eq!(drawn.faces, naive(&mesh, DVec3::X, &whole(&mesh)));
+    assert_eq!(drawn.ids, naive(&mesh, DVec3::X, &whole(&mesh)));
     assert_eq!((depth_order.sorts(), depth_order.sorts_skipped()), (1, 0));
 }
 
@@ -228,7 +228,7 @@ proptest! {
 fn no_face_is_an_order_too() {
     let mesh = grid([1, 1, 1]);
     let mut depth_order = DepthOrder::default();
-    assert!(order(&mut depth_order, &mesh, DVec3::X, &some(&mesh, |_| false)).faces.is_empty());
+    assert!(order(&mut depth_order, &mesh, DVec3::X, &some(&mesh, |_| false)).ids.is_empty());
 }
 
 #[test]

@@ -197,7 +197,7 @@ fn a_series_of_one_step_has_rankings() {
     let store = imported(&dipole(1), &out.path().join("one.zarr"), "potential", StepRange::default());
     let series = Series::open(&store, None).unwrap();
     let all = rankings(&series, &SAMPLINGS);
-    assert!(all.iter().all(|ranking| ranking.faces().len() == all[0].faces().len()));
+    assert!(all.iter().all(|ranking| ranking.ids().len() == all[0].ids().len()));
     // Nothing changes over time: all faces are equal, and their order is that of chance.
     assert_eq!(all[0], Ranking::by_hash(&series.mesh().topology));
 }

@@ -37,7 +37,7 @@ fn at_level(job: &RenderJob, ranking: &[u32], level: f64) -> RenderJob {
 
 /// The interior faces in an order by lot.
 fn by_lot(ranking: &Ranking, seed: u64) -> Vec<u32> {
-    let mut faces = ranking.faces().to_vec();
+    let mut faces = ranking.ids().to_vec();
     faces.sort_by_cached_key(|&face| (crate::meshes::noise(seed, u64::from(face)) * 1e15) as i64);
     faces
 }
@@ -65,7 +65,7 @@ fn ratios(store: &Store, field: &str, samplings: &[Sampling]) -> Vec<[f64; LEVEL
                 random[i] += lots.iter().map(|lot| of(lot)).sum::<f64>() / lots.len() as f64;
                 for (&sampling, ours) in samplings.iter().zip(&mut ours) {
                     let ranking = series.ranking(step, sampling, &Cancel::new()).unwrap().unwrap();
-                    ours[i] += of(ranking.faces());
+                    ours[i] += of(ranking.ids());
                 }
             }
         }

@@ -22,7 +22,7 @@ use tetreel::stats::FrameStats;
 use tetreel::store::Store;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
-use tetreel::visibility::{CellSet, DepthOrder, FaceSelection, IdSet, Skip};
+use tetreel::visibility::{CellSet, DepthOrder, IdSet, Selection, Skip};
 
 /// The bound for renderers that sum in another order when something is left out: roundings of f32 sums below 1 (6e-8). Measured: none
 /// on the CPU, 1.1e-7 on a GPU.
@@ -380,7 +380,7 @@ fn a_spike_narrower_than_a_bin_of_any_table_is_drawn() {
 }
 
 /// The faces of a selection in the order of their depths.
-fn drawn(job: &RenderJob, selection: FaceSelection, active: Arc<CellSet>) -> RgbaImage {
+fn drawn(job: &RenderJob, selection: Selection, active: Arc<CellSet>) -> RgbaImage {
     let (selection, cancel) = (Arc::new(selection), Cancel::new());
     let faces = DepthOrder::default().order(&job.mesh, job.view.forward, &selection, &cancel).unwrap();
     let job = RenderJob { faces: Some(faces), active, finite: None, ..job.clone() };
@@ -421,12 +421,7 @@ fn at_an_equal_number_of_faces_skipping_costs_no_accuracy() {
                     let level = |(surface, inner): (usize, usize)| (count - surface) as f64 / inner.max(1) as f64;
                     let on = select(topology, &ranking, level(few).min(1.0), &job.active);
                     let off = select(topology, &ranking, level(many).min(1.0), &finite);
-                    assert!(
-                        on.faces.count() <= off.faces.count() + 1,
-                        "{} and {} faces",
-                        on.faces.count(),
-                        off.faces.count()
-                    );
+                    assert!(on.ids.count() <= off.ids.count() + 1, "{} and {} faces", on.ids.count(), off.ids.count());
                     with_skipping += difference(&drawn(&job, on, job.active.clone()), &whole).0.powi(2);
                     without += difference(&drawn(&job, off, finite.clone()), &whole).0.powi(2);
                     compared += 1;

@@ -7,7 +7,7 @@ use crate::camera::View;
 use crate::field::Scalars;
 use crate::mesh::Mesh;
 use crate::render::{OpticsTable, RenderJob};
-use crate::visibility::{CellSet, DrawnFaces};
+use crate::visibility::{CellSet, Drawn};
 use std::sync::Arc;
 
 /// The cells or faces of a job in its view, for its [`RenderJob::placed`].
@@ -16,7 +16,7 @@ pub struct Placed {
     mesh: Arc<Mesh>,
     scalars: Scalars,
     active: Arc<CellSet>,
-    faces: Option<Arc<DrawnFaces>>,
+    faces: Option<Arc<Drawn>>,
     view: View,
     in_view: InView,
 }
@@ -96,8 +96,8 @@ mod tests {
     use crate::node_table::{Node, NodeTable};
     use crate::render::{Frame, OpticsTables, Renderer, testing};
 
-    fn all_faces(mesh: &Mesh) -> Arc<DrawnFaces> {
-        Arc::new(DrawnFaces { faces: (0..mesh.topology.faces.len() as u32).collect(), is_complete: true })
+    fn all_faces(mesh: &Mesh) -> Arc<Drawn> {
+        Arc::new(Drawn { ids: (0..mesh.topology.faces.len() as u32).collect(), is_complete: true })
     }
 
     /// One job for each renderer.
@@ -148,7 +148,7 @@ mod tests {
             },
             |job| {
                 if let Some(drawn) = &mut job.faces {
-                    *drawn = Arc::new(DrawnFaces { faces: drawn.faces[1..].to_vec(), is_complete: false });
+                    *drawn = Arc::new(Drawn { ids: drawn.ids[1..].to_vec(), is_complete: false });
                 } else {
                     job.faces = Some(all_faces(&job.mesh));
                 }
@@ -176,7 +176,7 @@ mod tests {
                 RenderJob { table: transparent, ..job.clone() },
                 RenderJob { scalars: Arc::new(vec![0.0]).into(), ..job.clone() },
                 RenderJob { active: Arc::new(CellSet::none(job.active.universe())), ..job.clone() },
-                RenderJob { faces: Some(Arc::new(DrawnFaces { faces: vec![u32::MAX], is_complete: false })), ..job },
+                RenderJob { faces: Some(Arc::new(Drawn { ids: vec![u32::MAX], is_complete: false })), ..job },
             ];
             assert!(faults.iter().all(|job| placed(job).placed.is_none()));
             cancelled.cancel.cancel();

@@ -370,7 +370,7 @@ fn depths_are_those_of_the_reference() {
 }
 
 #[test]
-fn gaps_between_drawn_faces_have_both_quantities_of_their_ends() {
+fn gaps_between_drawn_have_both_quantities_of_their_ends() {
     // Where both are linear in space, the faces in between do not matter, but for the eye in the mesh.
     let base = scene(5, PERSPECTIVE);
     let flat = |scalars: Vec<f32>| RenderJob { scalars: Arc::new(scalars).into(), ..base.clone() };

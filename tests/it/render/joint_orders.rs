@@ -33,7 +33,7 @@ fn eyes_within_the_mesh_see_what_the_reference_sees() {
 fn back_to_front(job: &RenderJob) -> RenderJob {
     let job = with_all_faces(job);
     let mut list = (**job.faces.as_ref().unwrap()).clone();
-    list.faces.reverse();
+    list.ids.reverse();
     RenderJob { faces: Some(Arc::new(list)), ..job }
 }
 

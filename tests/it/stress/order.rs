@@ -4,7 +4,7 @@ use super::*;
 use crate::meshes::{build, grid, sample};
 use crate::render::{difference, raycast};
 use glam::DVec3;
-use tetreel::visibility::DrawnFaces;
+use tetreel::visibility::Drawn;
 
 /// A case of faces in order of their centroids, and whether those are far from the order of their fragments.
 struct Ordered {
@@ -99,10 +99,10 @@ fn exact_order_sets_right_what_buffers_get_wrong_on_slivers_layers_and_far_from_
 /// The job with two of its faces, a third of the list apart, in each other's place.
 fn with_exchanged_faces(job: &RenderJob, first: usize) -> RenderJob {
     let drawn = job.faces.as_ref().unwrap();
-    let mut faces = drawn.faces.clone();
+    let mut faces = drawn.ids.clone();
     let other = (first + faces.len() / 3) % faces.len();
     faces.swap(first, other);
-    RenderJob { faces: Some(Arc::new(DrawnFaces { faces, is_complete: drawn.is_complete })), ..job.clone() }
+    RenderJob { faces: Some(Arc::new(Drawn { ids: faces, is_complete: drawn.is_complete })), ..job.clone() }
 }
 
 #[test]
@@ -117,7 +117,7 @@ fn two_exchanged_faces_are_noticed_as_they_come_and_set_right_in_exact_order() {
     };
     assert!(BOUND.holds(errors(&all, false).0), "in order, a buffer of 8 is enough here");
     let mut noticed = 0;
-    let count = all.faces.as_ref().unwrap().faces.len();
+    let count = all.faces.as_ref().unwrap().ids.len();
     for first in (0..count).step_by(count / 20) {
         let exchanged = with_exchanged_faces(&all, first);
         let (loose, stats) = errors(&exchanged, false);

@@ -59,7 +59,7 @@ use super::tiles::{TILE_PX, Tiles};
 use super::{RenderTiles, TileJob};
 use crate::optics::Accumulator;
 use crate::slowdown::{Slow, waste};
-use crate::visibility::DrawnFaces;
+use crate::visibility::Drawn;
 pub(in crate::render::cpu) use place::{FacePlacer, FacesInView};
 use pulp::{Arch, Scalar, Simd};
 use rayon::prelude::*;
@@ -105,10 +105,10 @@ impl Havs {
 ///
 /// # Errors
 /// If there are none, if one is not in the mesh, or if k is out of range.
-pub(in crate::render) fn checked_faces(job: &RenderJob) -> Result<Arc<DrawnFaces>, RenderError> {
+pub(in crate::render) fn checked_faces(job: &RenderJob) -> Result<Arc<Drawn>, RenderError> {
     let drawn = job.faces.clone().ok_or(RenderError::NoFaces)?;
     let faces = job.mesh.topology.faces.len();
-    match drawn.faces.par_iter().with_min_len(1 << 16).max() {
+    match drawn.ids.par_iter().with_min_len(1 << 16).max() {
         Some(&face) if face as usize >= faces => return Err(RenderError::NoSuchFace { face, faces }),
         _ => {}
     }
@@ -132,7 +132,7 @@ impl LayerRenderer for FaceTiles {
                 Some(faces) => faces,
                 None => self.placer.place(job, view, &mut frame.stats)?,
             };
-            frame.stats.faces_drawn = drawn.faces.len() as u64;
+            frame.stats.faces_drawn = drawn.ids.len() as u64;
         }
         self.tiles.begin(in_view.bins.grid, job.skip.costly_first);
         Ok(Some(FaceJob { tiles, in_view }))

@@ -1,10 +1,11 @@
 //! The faces of a job in its view: vertices in view coordinates, and the faces binned into tiles.
 
 use super::super::raster::boxes::{self, BoxSource, ScreenPoint};
+use super::super::raster::lists::{Bins, ListedFace};
 use super::super::ray::{self, ViewVertex};
 use super::super::raycast::EYE_TOLERANCE;
 use super::super::raycast::entries::cells_at_eye;
-use super::bins::{FaceBins, FaceList};
+use super::bins::FaceList;
 use super::checked_faces;
 use super::sides::Sides;
 use crate::camera::View;
@@ -19,7 +20,7 @@ use std::time::Instant;
 #[derive(Debug, Default)]
 pub(in crate::render::cpu) struct FacesInView {
     pub(super) vertices: Vec<ViewVertex>,
-    pub(super) bins: FaceBins,
+    pub(super) bins: Bins<ListedFace>,
     pub(super) eye_cells: Vec<u32>,
 }
 
@@ -52,10 +53,10 @@ impl FacePlacer {
             boxes::project(view, &faces.vertices, None, &job.cancel, screen);
             sides.update(&job.mesh);
             let source = BoxSource { view, vertices: &faces.vertices, screen };
-            faces.bins.fill(source, (list, sides), job, &drawn);
+            list.sort_into(&mut faces.bins, source, sides, job, &drawn);
             faces.eye_cells = cells_at_eye(&job.mesh, &job.active, view, EYE_TOLERANCE);
         });
-        waste(Slow::Raster, drawn.faces.len());
+        waste(Slow::Raster, drawn.ids.len());
         stats.ms_place += started.elapsed().as_secs_f64() * 1e3;
         Ok(faces)
     }

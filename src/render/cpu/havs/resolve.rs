@@ -85,7 +85,7 @@ fn collect<M: Medium<Light = Accumulator>, Y: Layers, L: Lanes>(
         }
     }
     for chunk in 0..scene.bins.chunk_count() {
-        for some in scene.bins.faces(chunk, tile).chunks(FACES_AT_ONCE) {
+        for some in scene.bins.items(chunk, tile).chunks(FACES_AT_ONCE) {
             faces.set(scene.view, scene.vertices, rays, some);
             for i in 0..some.len() {
                 faces.hits(lanes, i, (scene.view, scene.vertices), rays, candidates, |pixel, hit| {

@@ -4,14 +4,13 @@ use super::super::super::layers::{Ahead, Layers};
 use super::super::super::medium::{Medium, RayPoint};
 use super::super::raster::boxes::Bounds;
 use super::super::raster::lanes::{BLOCK, Lanes, PixelList};
-use super::super::raster::lists::TileFace;
+use super::super::raster::lists::{Bins, ListedFace, TileFace};
 use super::super::raster::{FACES_AT_ONCE, Faces, TileRays};
 use super::super::ray::{Ray, ViewVertex};
 use super::super::raycast::entries::EyeCell;
 use super::super::tiles::{PixelRect, TilePixel};
 use super::super::values::ValuesOnRay;
 use super::TILE_PX;
-use super::bins::FaceBins;
 use super::fragment::{Fragment, sort_in_window};
 use super::light::{FragmentRay, RayOptics};
 use super::resolve::resolve_again;
@@ -27,7 +26,7 @@ use pulp::NullaryFnOnce;
 pub(super) struct Scene<'a, M, Y> {
     pub(super) topology: &'a Topology,
     pub(super) vertices: &'a [ViewVertex],
-    pub(super) bins: &'a FaceBins,
+    pub(super) bins: &'a Bins<ListedFace>,
     pub(super) view: &'a View,
     pub(super) medium: &'a M,
     pub(super) layers: &'a Y,
@@ -51,7 +50,7 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
     /// Whether no ray of a tile meets anything.
     #[inline(never)]
     fn is_transparent_in(&self, tile: usize, PixelRect { x, y, width, height }: PixelRect) -> bool {
-        self.eye_cells.is_empty() && !self.bins.has_faces(tile) && !self.layers.has_some_in(x..x + width, y..y + height)
+        self.eye_cells.is_empty() && !self.bins.has_some(tile) && !self.layers.has_some_in(x..x + width, y..y + height)
     }
 
     /// The ray of a pixel before its first fragment.
@@ -294,11 +293,11 @@ impl<'a> FaceQueue<'a> {
                 let nobody_sees = |chunk: usize| open.count == 0 && lies_behind(scene.bins.nearest_from(chunk));
                 if self.next_chunk == chunks || scene.cancel.is_cancelled() || nobody_sees(self.next_chunk) {
                     self.hidden +=
-                        (self.next_chunk..chunks).map(|c| scene.bins.faces(c, tile).len() as u64).sum::<u64>();
+                        (self.next_chunk..chunks).map(|c| scene.bins.items(c, tile).len() as u64).sum::<u64>();
                     self.next_chunk = chunks;
                     break;
                 }
-                self.faces = scene.bins.faces(self.next_chunk, tile);
+                self.faces = scene.bins.items(self.next_chunk, tile);
                 self.next_chunk += 1;
                 continue;
             };

@@ -59,7 +59,7 @@ impl BoundaryDepths {
             lists.fill(source, grid, faces, &mut Vec::new());
             lists
         };
-        let lists: Vec<TileLists> = faces.par_chunks(FACES_PER_LIST).map(sorted).collect();
+        let lists: Vec<TileLists<ListedFace>> = faces.par_chunks(FACES_PER_LIST).map(sorted).collect();
         let scene = Scene { view: &view, vertices: &vertices, layers: layers.min(MAX_LAYERS) };
         let mut depths = vec![[f64::INFINITY; MAX_LAYERS]; view.width_px * view.height_px];
         let rows = depths.par_chunks_mut(view.width_px * TILE_PX).enumerate();
@@ -72,7 +72,7 @@ impl BoundaryDepths {
                 let rect = grid.rect(tile);
                 let rays = TileRays::new(&view, bounds_of(rect));
                 scratch.begin();
-                lists.iter().for_each(|list| scene.draw(list.faces(tile), &rays, scratch));
+                lists.iter().for_each(|list| scene.draw(list.items(tile), &rays, scratch));
                 range = joined(range, scratch.range);
                 for (y, depths) in depths.chunks_mut(view.width_px).enumerate() {
                     let found = &scratch.depths[y * TILE_PX..][..rect.width];

@@ -1,6 +1,7 @@
 //! Pixel boxes of faces.
 
 use super::super::ray::{CLUSTER, CLUSTERS_AT_ONCE, ViewVertex, greater, is_needed, less};
+use super::lists::{ListedFace, SeenItem};
 use crate::camera::View;
 use crate::task::Cancel;
 use rayon::prelude::*;
@@ -53,6 +54,12 @@ pub(in crate::render::cpu) struct BoxSource<'a> {
 }
 
 impl BoxSource<'_> {
+    /// A face with its box, if that is not empty.
+    #[inline(always)]
+    pub(in crate::render::cpu) fn seen(&self, face: &ListedFace) -> Option<SeenItem<ListedFace>> {
+        Some(SeenItem { bounds: self.bounds(face.ids)?, item: *face, nearest: self.nearest(face.ids) })
+    }
+
     /// Least depth of a corner, rounded to f32.
     #[inline(always)]
     pub(in crate::render::cpu) fn nearest(&self, ids: [u32; 3]) -> f32 {

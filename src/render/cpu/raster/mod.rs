@@ -180,7 +180,7 @@ impl Faces {
         // Gathers the vertices corner by corner.
         let [mut x, mut y, mut w, mut s] = [[[0.0; EIGHT]; 3]; 4];
         for (l, face) in faces.iter().enumerate() {
-            for (corner, &id) in face.ids.iter().enumerate() {
+            for (corner, &id) in face.item.ids.iter().enumerate() {
                 let v = vertices[id as usize];
                 (x[corner][l], y[corner][l], w[corner][l], s[corner][l]) = (v.x, v.y, v.w, v.s);
             }
@@ -240,7 +240,7 @@ impl Faces {
         mut hit: impl FnMut(usize, Hit),
     ) {
         let i = i % FACES_AT_ONCE;
-        let [front, behind] = self.faces[i].cells;
+        let [front, behind] = self.faces[i].item.cells;
         let certain_above = [self.certain[i]; EIGHT];
         let mut candidates = self.candidates(lanes, i, rays, list);
         if !rays.all_rendered {
@@ -402,8 +402,8 @@ fn all_and_some([e0, e1, e2]: &[Eight; 3]) -> (Eight, Eight) {
 #[cold]
 #[inline(never)]
 fn careful_hit(face: &TileFace, vertices: &[ViewVertex], ray: &Ray) -> Option<Hit> {
-    let [a, b, c] = face.ids;
-    let [front, behind] = face.cells;
+    let [a, b, c] = face.item.ids;
+    let [front, behind] = face.item.cells;
     let (ids, cells, is_turned, found) = match crossing(ray, vertices, [a, b, c]) {
         Some(found) => ([a, b, c], [front, behind], false, found),
         None => ([a, c, b], [behind, front], true, crossing(ray, vertices, [a, c, b])?),

@@ -2,7 +2,7 @@
 
 use super::super::ray::transform;
 use super::boxes::{BoxSource, project};
-use super::lists::{ListedFace, SeenFace};
+use super::lists::{ListedFace, SeenItem};
 use super::*;
 use crate::camera::{Camera, Projection};
 use crate::mesh::{Mesh, RawMesh};
@@ -49,7 +49,7 @@ fn both(mesh: &Arc<Mesh>, view: &View, perturb: f64, lanes: impl Lanes) -> (Vec<
 
 /// A face in the only tile of the image.
 fn in_tile(face: &ListedFace, bounds: Bounds) -> TileFace {
-    TileFace::new(&SeenFace { face: *face, bounds, nearest: 0.0 }, [0, 0])
+    TileFace::new(&SeenItem { item: *face, bounds, nearest: 0.0 }, [0, 0])
 }
 
 /// Cells between random points, flattened to slivers of 2^-`flatness`.

@@ -5,7 +5,7 @@
 //! the chunks one after the other, in the order of the cells, however many threads there are.
 
 use super::super::raster::boxes::{Bounds, BoxSource};
-use super::super::raster::lists::{Seen, SeenFace, TileFace, TileLists};
+use super::super::raster::lists::{ListedFace, Seen, SeenItem, TileFace, TileLists};
 use super::super::ray::{Crossing, Ray, ViewVertex, crossing, is_needed};
 use super::super::tiles::{TILE_PX, TileGrid};
 use super::entry_faces::EntryFaces;
@@ -154,16 +154,16 @@ pub(super) struct EntryBins {
     /// The clusters of each chunk.
     parts: Vec<Range<usize>>,
     /// Tile lists per chunk; may be more than `parts`.
-    chunks: Vec<TileLists>,
+    chunks: Vec<TileLists<ListedFace>>,
     /// Scratch memory per thread.
-    seen: Vec<Mutex<Seen>>,
+    seen: Vec<Mutex<Seen<ListedFace>>>,
 }
 
 impl EntryBins {
     /// The list of a chunk for a tile; `None` if there is no such chunk.
     #[inline]
     pub(super) fn list(&self, chunk: usize, tile: usize) -> Option<&[TileFace]> {
-        (chunk < self.parts.len()).then(|| self.chunks[chunk].faces(tile))
+        (chunk < self.parts.len()).then(|| self.chunks[chunk].items(tile))
     }
 
     /// Whether the box of an entry face that may be seen from its front overlaps some columns and rows of pixels.
@@ -184,8 +184,8 @@ impl EntryBins {
         tiles(&rows).any(|row| {
             tiles(&columns).any(|column| {
                 let tile = row * self.grid.columns + column;
-                let mut faces = self.chunks[..self.parts.len()].iter().flat_map(|chunk| chunk.faces(tile));
-                faces.any(|face| meet(face, [column * TILE_PX, row * TILE_PX]) && !is_back_facing(face.ids))
+                let mut faces = self.chunks[..self.parts.len()].iter().flat_map(|chunk| chunk.items(tile));
+                faces.any(|face| meet(face, [column * TILE_PX, row * TILE_PX]) && !is_back_facing(face.item.ids))
             })
         })
     }
@@ -218,7 +218,7 @@ impl EntryBins {
                 let needed = part.clone().filter(|&cluster| is_needed(needed, cluster));
                 for face in needed.flat_map(|cluster| &faces.clusters[cluster]) {
                     if let Some(bounds) = source.bounds_from_front(face.ids) {
-                        seen.push(SeenFace { face: *face, bounds, nearest: source.nearest(face.ids) });
+                        seen.push(SeenItem { item: *face, bounds, nearest: source.nearest(face.ids) });
                         lists.count(bounds);
                     }
                 }

@@ -9,7 +9,7 @@ use crate::render::gpu::eye;
 use crate::render::gpu::layout::{EYE_WORDS, FACE_WORDS};
 use crate::render::gpu::resources::Resource;
 use crate::render::{RenderError, RenderJob};
-use crate::visibility::DrawnFaces;
+use crate::visibility::Drawn;
 use std::sync::Arc;
 
 /// Bindings for faces in the shaders.
@@ -64,7 +64,7 @@ fn pack(mesh: &Mesh, face: usize) -> [u32; FACE_WORDS] {
 
 /// The faces that a job draws, and behind them the cells at the eye.
 pub(super) struct DrawnBuffer {
-    of: Option<Arc<DrawnFaces>>,
+    of: Option<Arc<Drawn>>,
     pub(super) buffer: GrowingBuffer,
 }
 
@@ -77,15 +77,15 @@ impl DrawnBuffer {
     pub(super) fn upload(
         &mut self,
         context: &Context,
-        drawn: &Arc<DrawnFaces>,
+        drawn: &Arc<Drawn>,
         eye_cells: &[[u32; EYE_WORDS]],
     ) -> Result<(bool, u64), RenderError> {
-        let list_bytes = size_of_val(drawn.faces.as_slice()) as u64;
+        let list_bytes = size_of_val(drawn.ids.as_slice()) as u64;
         let mut sent = 0;
         let made = self.buffer.reserve(context, list_bytes + size_of_val(eye_cells) as u64)?;
         if made || !self.of.as_ref().is_some_and(|of| Arc::ptr_eq(of, drawn)) {
             self.of = None;
-            sent += self.buffer.write(context, 0, bytemuck::cast_slice(&drawn.faces))?;
+            sent += self.buffer.write(context, 0, bytemuck::cast_slice(&drawn.ids))?;
             self.of = Some(drawn.clone());
         }
         sent += self.buffer.write(context, list_bytes, bytemuck::cast_slice(eye_cells))?;

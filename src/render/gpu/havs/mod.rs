@@ -42,7 +42,7 @@ use super::slices::{IN_FLIGHT, SLICE, UnitCost};
 use crate::render::cpu::havs::checked_faces;
 use crate::render::{Frame, FrameRun, LayerRenderer, RenderError, RenderJob};
 use crate::stats::FrameStats;
-use crate::visibility::DrawnFaces;
+use crate::visibility::Drawn;
 use bands::{Band, Places, bands};
 use scene::Scene;
 use std::collections::VecDeque;
@@ -264,9 +264,9 @@ impl FaceLists {
     }
 
     /// The face parameters that are known before the upload.
-    fn face_params(job: &RenderJob, drawn: &DrawnFaces, precision: Precision, eye_distance: f64) -> FaceParams {
+    fn face_params(job: &RenderJob, drawn: &Drawn, precision: Precision, eye_distance: f64) -> FaceParams {
         FaceParams {
-            drawn_count: drawn.faces.len() as u32,
+            drawn_count: drawn.ids.len() as u32,
             end_pixel: TILE_PIXELS as u32,
             k: u32::from(job.k_buffer.k),
             tie: (depth_error(precision) + TRANSFORM_ERROR * (eye_distance + 2.0)) as f32,
@@ -298,7 +298,7 @@ impl LayerRenderer for FaceLists {
         self.context.check_job(&job)?;
         let mut params = eye::params(&self.context, &view)?;
         self.bands.clear();
-        if self.scene.shared.table.shows_nothing(&job) || job.active.count() == 0 || drawn.faces.is_empty() {
+        if self.scene.shared.table.shows_nothing(&job) || job.active.count() == 0 || drawn.ids.is_empty() {
             // All pixels are transparent: the frame is complete.
             frame.clear(view.plane_px());
             return Ok(None);
@@ -310,7 +310,7 @@ impl LayerRenderer for FaceLists {
         face_params.eye_count = eye_cells.len() as u32;
         self.scene.make_pipelines(&self.context, &job, precision)?;
         let target = self.scene.update(&self.context, &job, &drawn, &eye_cells, &mut params, &mut face_params)?;
-        frame.stats.faces_drawn = drawn.faces.len() as u64;
+        frame.stats.faces_drawn = drawn.ids.len() as u64;
         frame.stats.in_f64 = precision == Precision::Double;
         frame.stats.bytes_uploaded = self.scene.shared.bytes_sent;
         self.costs.iter_mut().for_each(UnitCost::begin_frame);

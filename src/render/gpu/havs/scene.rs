@@ -13,7 +13,7 @@ use crate::render::gpu::shared_scene::SharedScene;
 use crate::render::gpu::surfaces::CornerBuffer;
 use crate::render::gpu::target::Target;
 use crate::render::{RenderError, RenderJob};
-use crate::visibility::DrawnFaces;
+use crate::visibility::Drawn;
 use std::sync::Arc;
 
 /// Least capacity for fragments.
@@ -52,7 +52,7 @@ impl Scene {
         &mut self,
         context: &Context,
         job: &RenderJob,
-        drawn: &Arc<DrawnFaces>,
+        drawn: &Arc<Drawn>,
         eye_cells: &[[u32; EYE_WORDS]],
         params: &mut Params,
         face_params: &mut FaceParams,
@@ -86,7 +86,7 @@ impl Scene {
         &mut self,
         context: &Context,
         job: &RenderJob,
-        drawn: &Arc<DrawnFaces>,
+        drawn: &Arc<Drawn>,
         eye_cells: &[[u32; EYE_WORDS]],
         params: &mut Params,
         face_params: &mut FaceParams,

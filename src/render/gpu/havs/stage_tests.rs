@@ -9,7 +9,7 @@ use crate::render::gpu::layout::{FRAGMENT_BYTES, depth_of};
 use crate::render::gpu::raycast::stage_tests::{
     Meeting, active_cells, cameras, context, context_of_window, has_eye, job, meet, mesh, read_back, seen,
 };
-use crate::visibility::DrawnFaces;
+use crate::visibility::Drawn;
 use glam::DVec3;
 
 /// All faces of the active cells, in the order of their ids.
@@ -17,7 +17,7 @@ fn with_faces(job: RenderJob) -> RenderJob {
     let cells = &job.mesh.topology.face_cells;
     let is_active = |cells: &[u32; 2]| cells.iter().any(|&cell| cell != NONE && job.active.contains(cell));
     let faces = (0u32..).zip(cells).filter(|(_, cells)| is_active(cells)).map(|(face, _)| face).collect();
-    RenderJob { faces: Some(Arc::new(DrawnFaces { faces, is_complete: true })), ..job }
+    RenderJob { faces: Some(Arc::new(Drawn { ids: faces, is_complete: true })), ..job }
 }
 
 fn jobs() -> Vec<(&'static str, RenderJob)> {
@@ -72,7 +72,7 @@ fn place_of(view: &View, (i, j): (usize, usize)) -> usize {
 /// f32 may decide otherwise about one.
 fn depths(job: &RenderJob, view: &View, pixel: (usize, usize)) -> Option<Vec<f64>> {
     let mut found = Vec::new();
-    for &face in &job.faces.as_ref().unwrap().faces {
+    for &face in &job.faces.as_ref().unwrap().ids {
         let corners = job.mesh.topology.faces[face as usize];
         let [a, b, c] = corners.map(|v| seen(view, job.mesh.positions.local[v as usize].as_dvec3()));
         for corners in [[a, b, c], [a, c, b]] {
@@ -117,9 +117,9 @@ fn fragments_are_counted_as_the_definition_has_them() {
         assert_eq!(wrong, 0, "{name}");
         assert!(doubtful < 43 * 29 / 4, "{name}: {doubtful} pixels in doubt");
         // The comparison notices a face that is left out.
-        let mut fewer = job.faces.as_ref().unwrap().faces.clone();
+        let mut fewer = job.faces.as_ref().unwrap().ids.clone();
         fewer.drain(100..120);
-        let fewer = DrawnFaces { faces: fewer, is_complete: false };
+        let fewer = Drawn { ids: fewer, is_complete: false };
         let (words, lists) =
             lists_before(&context, &RenderJob { faces: Some(Arc::new(fewer)), ..job.clone() }, Step::Scan);
         assert!(miscounted(&job, &words, lists).0 > 0, "{name}");
@@ -235,9 +235,9 @@ fn fragments_of_deep_pixels_come_sorted_to_the_last_stage() {
     };
     let mut job = with_faces(job(&mesh, &camera, (5, 3)));
     // As bad as it gets: faces from the back to the front.
-    let mut faces = job.faces.as_ref().unwrap().faces.clone();
+    let mut faces = job.faces.as_ref().unwrap().ids.clone();
     faces.reverse();
-    job.faces = Some(Arc::new(DrawnFaces { faces, is_complete: true }));
+    job.faces = Some(Arc::new(Drawn { ids: faces, is_complete: true }));
     let (before, most) = sorted_before(&context, &job, Step::Sort);
     assert!(most > crate::render::gpu::layout::DEEP as usize, "{most} fragments");
     assert!(!before, "nothing is to be sorted");

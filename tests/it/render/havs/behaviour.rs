@@ -75,9 +75,9 @@ fn a_list_of_several_chunks_is_drawn_in_its_order() {
     let base = job(&mesh, sample(&mesh, wave), &camera(DVec3::new(3.0, 2.0, 2.0), PERSPECTIVE), (40, 40), dense());
     let all = with_all_faces(&base);
     let mut faces = (**all.faces.as_ref().unwrap()).clone();
-    assert!(faces.faces.len() > 2 * 16 * 1024);
+    assert!(faces.ids.len() > 2 * 16 * 1024);
     assert_within("front to back", &havs(&all).planes.color, &raycast(&base));
-    faces.faces.reverse();
+    faces.ids.reverse();
     let reversed = RenderJob { faces: Some(Arc::new(faces)), ..all.clone() };
     let frame = havs(&reversed);
     // From the back: every fragment but the first k is nearer than those that left.
@@ -182,7 +182,7 @@ fn jobs_without_faces_or_with_wrong_ones_are_refused() {
     let good = scene((8, 8));
     let refused = |job: RenderJob| Havs::new().render(job).unwrap_err().to_string();
     assert!(refused(RenderJob { faces: None, ..good.clone() }).contains("no faces"));
-    let faces = DrawnFaces { faces: vec![0, 10_000_000], is_complete: false };
+    let faces = Drawn { ids: vec![0, 10_000_000], is_complete: false };
     assert!(refused(RenderJob { faces: Some(Arc::new(faces)), ..good.clone() }).contains("face 10000000"));
     assert!(refused(with_buffer(&good, 1, true)).contains("2 to 32"));
     assert!(refused(with_buffer(&good, 33, true)).contains("2 to 32"));

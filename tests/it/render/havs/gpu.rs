@@ -338,8 +338,8 @@ fn a_list_from_back_to_front_gives_the_same_image() {
     let base = job(&mesh, sample(&mesh, wave), &camera(DVec3::new(3.0, 2.0, 2.5), PERSPECTIVE), (40, 33), dense());
     let reversed = |job: RenderJob| {
         let drawn = job.faces.as_ref().unwrap();
-        let faces = drawn.faces.iter().rev().copied().collect();
-        RenderJob { faces: Some(Arc::new(DrawnFaces { faces, is_complete: drawn.is_complete })), ..job }
+        let faces = drawn.ids.iter().rev().copied().collect();
+        RenderJob { faces: Some(Arc::new(Drawn { ids: faces, is_complete: drawn.is_complete })), ..job }
     };
     let mut worst = Worst::default();
     for job in [with_all_faces(&base), with_some_faces(&base, 0.6, 3)] {

@@ -213,7 +213,7 @@ fn steady_frames_make_no_resources() {
         let job = frame(i);
         let shown = renderer.render(job.clone()).unwrap().clone();
         assert_within(&format!("frame {i}"), &shown.planes.color, &raycast(&job));
-        let new = 4 * (base.scalars.values().len() + job.faces.as_ref().unwrap().faces.len()) as u64;
+        let new = 4 * (base.scalars.values().len() + job.faces.as_ref().unwrap().ids.len()) as u64;
         assert!(shown.stats.bytes_uploaded >= new, "scalars and order are new");
         assert!(shown.stats.bytes_uploaded < 4096 + new, "and the mesh is not");
     }
@@ -238,7 +238,7 @@ fn jobs_without_faces_or_with_wrong_ones_are_refused_as_on_the_cpu() {
     let Some(context) = context() else { return };
     let good = scene((8, 8));
     let mut renderer = GpuHavs::new(context);
-    let faces = |faces: Vec<u32>| Some(Arc::new(DrawnFaces { faces, is_complete: false }));
+    let faces = |faces: Vec<u32>| Some(Arc::new(Drawn { ids: faces, is_complete: false }));
     for bad in [
         RenderJob { faces: None, ..good.clone() },
         RenderJob { faces: faces(vec![0, 10_000_000]), ..good.clone() },
@@ -267,7 +267,7 @@ fn an_empty_view_and_a_transparent_table_give_an_empty_image() {
     for empty in [
         RenderJob { view: look_away.view(33, 20).unwrap(), ..base.clone() },
         RenderJob { table: Arc::new(table(&[(0.0, [1.0; 3], 0.0)])), ..base.clone() },
-        RenderJob { faces: Some(Arc::new(DrawnFaces::default())), ..base.clone() },
+        RenderJob { faces: Some(Arc::new(Drawn::default())), ..base.clone() },
     ] {
         assert!(renderer.render(base.clone()).unwrap().stats.fragments > 0);
         let frame = renderer.render(empty).unwrap();

@@ -16,7 +16,7 @@ use crate::meshes::noise;
 use tetreel::mesh::NONE;
 use tetreel::render::KBuffer;
 use tetreel::render::cpu::havs::Havs;
-use tetreel::visibility::DrawnFaces;
+use tetreel::visibility::Drawn;
 
 /// The job with the faces of its active cells that `keep` keeps, and all at which active cells end.
 pub fn with_faces(job: &RenderJob, keep: impl Fn(u32) -> bool) -> RenderJob {
@@ -36,7 +36,7 @@ pub fn with_faces(job: &RenderJob, keep: impl Fn(u32) -> bool) -> RenderJob {
     }
     faces.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let faces = faces.into_iter().map(|(_, face)| face).collect();
-    RenderJob { faces: Some(Arc::new(DrawnFaces { faces, is_complete })), ..job.clone() }
+    RenderJob { faces: Some(Arc::new(Drawn { ids: faces, is_complete })), ..job.clone() }
 }
 
 pub fn with_all_faces(job: &RenderJob) -> RenderJob {

@@ -26,7 +26,7 @@ fn pixel(job: &RenderJob, column: usize, row: usize, k: Option<usize>) -> [f32; 
     let (origin, direction) =
         if view.perspective { (view.eye, view.forward + across) } else { (view.eye + across, view.forward) };
     let mut arrived: Vec<Hit> = start(job).into_iter().collect();
-    let faces = &job.faces.as_ref().unwrap().faces;
+    let faces = &job.faces.as_ref().unwrap().ids;
     arrived.extend(faces.iter().filter_map(|&face| hit(job, face, origin, direction)));
     let mut light = [0.0; 4];
     let mut last: Option<Hit> = None;

@@ -1,15 +1,15 @@
-//! The set of faces that a frame draws.
+//! The set of faces or cells that a frame draws.
 
 use super::parts::CHUNK;
 use super::{CellSet, IdSet};
 use rayon::prelude::*;
 
-/// A set of faces of one mesh, and whether it is complete.
+/// A set of faces, or of cells, of one mesh, and whether it is complete.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct FaceSelection {
-    /// The faces.
-    pub faces: IdSet,
-    /// Whether all faces of the active cells are included (level of detail 100 %).
+pub struct Selection {
+    /// The faces or cells.
+    pub ids: IdSet,
+    /// Whether all active cells, or all of their faces, are included (level of detail 100 %).
     pub is_complete: bool,
 }
 
