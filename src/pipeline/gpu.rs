@@ -251,6 +251,10 @@ impl Gpu {
                 | RenderError::NoFormula(_)
                 | RenderError::NoFaces
                 | RenderError::NoSuchFace { .. }
+                | RenderError::NoPoints
+                | RenderError::PointsOnGpu
+                | RenderError::NoSuchCell { .. }
+                | RenderError::BadPoints(_)
                 | RenderError::JointValueCount { .. }
                 | RenderError::JointAssociation
                 | RenderError::BadLayerFragment { .. }

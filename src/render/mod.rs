@@ -3,7 +3,7 @@
 //! A [`RenderJob`] holds everything that a frame depends on; a [`Renderer`] turns it into a [`Frame`], in slices if asked to. Each
 //! renderer is a [`LayerRenderer`], which draws, in a [`FrameRun`], which has the clock, the frame and all else that renderers share.
 //! [`reference`](mod@reference) is the float64 ground truth; [`cpu::raycast`] the full-quality path on the CPU, [`cpu::havs`] draws all
-//! or some faces; [`gpu`] has both, too. [`mod@probe`] finds the point visible at an image position.
+//! or some faces, [`cpu::points`] cells one by one; [`gpu`] has both, too. [`mod@probe`] finds the point visible at an image position.
 
 mod adaptive;
 pub mod cpu;
@@ -14,6 +14,7 @@ mod joint;
 mod layers;
 mod medium;
 mod optics_tables;
+pub mod points;
 pub mod probe;
 pub mod reference;
 pub mod residual;
@@ -38,6 +39,7 @@ pub use frame_run::{FrameRun, LayerRenderer};
 pub use joint::JointScene;
 pub use layers::{LayerFragment, LayerFragments};
 pub use optics_tables::{OpticsTable, OpticsTables, PreparedOptics};
+use points::PointScene;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Duration;
@@ -60,6 +62,8 @@ pub struct RenderJob {
     pub finite: Option<Arc<CellSet>>,
     /// The faces to draw, for renderers that draw faces instead of cells.
     pub faces: Option<Arc<Drawn>>,
+    /// The cells to draw, for renderers that draw cells as points.
+    pub points: Option<PointScene>,
     /// How fragments of these faces are brought into depth order.
     pub k_buffer: KBuffer,
     /// Camera and image size.
@@ -252,6 +256,23 @@ pub enum RenderError {
         /// Faces of the mesh.
         faces: usize,
     },
+    /// A point renderer has been given no cells.
+    #[error("no cells were chosen for a renderer that draws cells as points")]
+    NoPoints,
+    /// Points are asked of a GPU.
+    #[error("cells as points are drawn on the CPU only; choose backend auto or cpu, or another mode")]
+    PointsOnGpu,
+    /// A cell to draw is not in the mesh.
+    #[error("cell {cell} was to be drawn of a mesh of {cells} cells")]
+    NoSuchCell {
+        /// Id of the cell.
+        cell: u32,
+        /// Cells of the mesh.
+        cells: usize,
+    },
+    /// A setting of points is out of range.
+    #[error("{0}")]
+    BadPoints(String),
     /// The size of the k-buffer is out of range.
     #[error("a buffer of {0} fragments; choose 2 to 32")]
     BadK(u8),
@@ -300,6 +321,7 @@ impl RenderJob {
             active,
             finite: None,
             faces: None,
+            points: None,
             k_buffer: KBuffer::default(),
             view,
             table,

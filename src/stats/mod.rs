@@ -36,14 +36,22 @@ pub struct FrameStats {
     pub faces_drawn: u64,
     /// Faces of the mesh, where faces are drawn.
     pub faces_total: u64,
-    /// Times that faces were sorted by depth for the frame.
+    /// Cells that are drawn as points: those of the level of detail.
+    pub points_drawn: u64,
+    /// Active cells, where cells are drawn as points.
+    pub points_total: u64,
+    /// Points that no pixel's ray can meet in front of the eye.
+    pub points_culled: u64,
+    /// Points that were widened to half a pixel.
+    pub points_enlarged: u64,
+    /// Times that faces, or cells as points, were sorted by depth for the frame.
     pub face_sorts: u64,
     /// Times that faces were needed in depth order without being sorted.
     pub face_sorts_skipped: u64,
     /// Entries of a pre-integrated table that were computed before the frame, since the transfer function has changed there; tables that a
     /// renderer makes itself are not counted.
     pub table_entries_built: u64,
-    /// Fragments: intersections of rays with drawn faces.
+    /// Fragments: intersections of rays with drawn faces, or with points.
     pub fragments: u64,
     /// Pixels that were resolved again from all of their fragments, since the buffer had not put them in order.
     pub pixels_resolved_again: u64,

@@ -98,6 +98,29 @@ impl<R: Copy + Default, A: Ahead> RayLight<R, A> {
         if is_fast { self.ahead.next_depth() } else { f64::NEG_INFINITY }
     }
 
+    /// Whether nothing behind a depth has been composited.
+    #[inline(always)]
+    pub(super) fn is_at(&self, depth: f64) -> bool {
+        self.front <= depth
+    }
+
+    /// Adds a segment that others may overlap: all of it behind the near distance `near`, whatever was composited before. Fragments of
+    /// other layers in front of its middle come first.
+    #[inline(always)]
+    pub(super) fn add<M: Medium<Ray = R, Light = Accumulator>>(&mut self, medium: &M, segment: Segment, near: f64) {
+        let [from, to] = segment.part;
+        while let Some((depth, rgba)) = self.ahead.take_before(0.5 * (from + to)) {
+            self.meet(depth, rgba);
+        }
+        self.leave();
+        if let Some(segment) = segment.behind(near)
+            && to > from
+            && !self.is_opaque()
+        {
+            self.segments += medium.pass(&mut self.ray, &segment, &mut self.light);
+        }
+    }
+
     /// Composites a fragment of another layer, unless the ray is opaque.
     fn meet(&mut self, depth: f64, rgba: [f32; 4]) {
         if self.is_opaque() || rgba == [0.0; 4] {

@@ -4,6 +4,7 @@ pub mod havs;
 pub mod layers;
 mod light;
 mod place;
+pub mod points;
 mod raster;
 mod ray;
 pub mod raycast;

@@ -1,11 +1,13 @@
-//! Cells and faces transformed to the view of a job before its renderer is free.
+//! Cells, faces and points transformed to the view of a job before its renderer is free.
 
 use super::havs::{FacePlacer, FacesInView};
 use super::is_transparent;
+use super::points::{PointPlacer, PointsInView, checked_points};
 use super::raycast::{CellPlacer, CellsInView};
 use crate::camera::View;
 use crate::field::Scalars;
 use crate::mesh::Mesh;
+use crate::render::points::PointScene;
 use crate::render::{OpticsTable, RenderJob};
 use crate::visibility::{CellSet, Drawn};
 use std::sync::Arc;
@@ -17,6 +19,7 @@ pub struct Placed {
     scalars: Scalars,
     active: Arc<CellSet>,
     faces: Option<Arc<Drawn>>,
+    points: Option<PointScene>,
     view: View,
     in_view: InView,
 }
@@ -25,6 +28,7 @@ pub struct Placed {
 enum InView {
     Cells(CellsInView),
     Faces(Arc<FacesInView>),
+    Points(Arc<PointsInView>),
 }
 
 impl Placed {
@@ -33,6 +37,7 @@ impl Placed {
             && self.scalars.is_same(&job.scalars)
             && Arc::ptr_eq(&self.active, &job.active)
             && self.faces.as_ref().map(Arc::as_ptr) == job.faces.as_ref().map(Arc::as_ptr)
+            && is_same_points(self.points.as_ref(), job.points.as_ref())
             && self.view == job.view
     }
 
@@ -40,7 +45,7 @@ impl Placed {
     pub(super) fn cells(&self, job: &RenderJob) -> Option<CellsInView> {
         match &self.in_view {
             InView::Cells(cells) => self.is_of(job).then(|| cells.clone()),
-            InView::Faces(_) => None,
+            InView::Faces(_) | InView::Points(_) => None,
         }
     }
 
@@ -48,20 +53,34 @@ impl Placed {
     pub(super) fn faces(&self, job: &RenderJob) -> Option<Arc<FacesInView>> {
         match &self.in_view {
             InView::Faces(faces) => self.is_of(job).then(|| faces.clone()),
-            InView::Cells(_) => None,
+            InView::Cells(_) | InView::Points(_) => None,
+        }
+    }
+
+    /// The points, if they match the job.
+    pub(super) fn points(&self, job: &RenderJob) -> Option<Arc<PointsInView>> {
+        match &self.in_view {
+            InView::Points(points) => self.is_of(job).then(|| points.clone()),
+            InView::Cells(_) | InView::Faces(_) => None,
         }
     }
 }
 
-/// Places the cells and faces of successive jobs to be drawn on the CPU.
+fn is_same_points(a: Option<&PointScene>, b: Option<&PointScene>) -> bool {
+    let of = |points: Option<&PointScene>| points.map(|points| (Arc::as_ptr(&points.cells), points.style));
+    of(a) == of(b)
+}
+
+/// Places the cells, faces and points of successive jobs to be drawn on the CPU.
 #[derive(Debug, Default)]
 pub struct Placer {
     cells: CellPlacer,
     faces: FacePlacer,
+    points: PointPlacer,
 }
 
 impl Placer {
-    /// Places the cells of a job, or its faces if it has some, unless nothing is visible or the job is invalid. `table` is its transfer
+    /// Places the cells of a job, or its faces or points if it has some, unless nothing is visible or the job is invalid. `table` is its transfer
     /// function.
     pub fn place(&mut self, job: &mut RenderJob, table: &OpticsTable) {
         if is_transparent(job, table) || job.check().is_err() {
@@ -70,6 +89,11 @@ impl Placer {
         let view = job.local_view();
         let mut stats = std::mem::take(&mut job.stats);
         let in_view = match job.faces {
+            // The renderer reports invalid points.
+            None if job.points.is_some() => {
+                let points = checked_points(job).ok();
+                points.map(|points| InView::Points(self.points.place(job, &points, &view, &mut stats)))
+            }
             None => Some(InView::Cells(self.cells.place(job, &view, &mut stats))),
             // The renderer reports invalid faces.
             Some(_) => self.faces.place(job, &view, &mut stats).ok().map(InView::Faces),
@@ -80,6 +104,7 @@ impl Placer {
             scalars: job.scalars.clone(),
             active: job.active.clone(),
             faces: job.faces.clone(),
+            points: job.points.clone(),
             view: job.view.clone(),
             in_view,
         });

@@ -100,41 +100,52 @@ impl BoxSource<'_> {
 #[cold]
 #[inline(never)]
 fn pixel_box(view: &View, corners: [ViewVertex; 3]) -> Option<Bounds> {
+    box_of_hull(view, &corners)
+}
+
+/// Pixels whose rays may meet the convex hull of some corners in front of the eye; `None` if there are none. Conservative.
+#[inline(always)]
+pub(in crate::render::cpu) fn box_of_hull<const N: usize>(view: &View, corners: &[ViewVertex; N]) -> Option<Bounds> {
     let mut range = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
-    let mut include = |axis: usize, value: f64| {
-        range[axis] = [range[axis][0].min(value), range[axis][1].max(value)];
-    };
-    if view.perspective {
-        if corners.iter().all(|v| v.w <= 0.0) {
-            return None;
-        }
-        let extent = corners.iter().fold(0.0f64, |m, v| m.max(v.x.abs()).max(v.y.abs()).max(v.w.abs()));
-        for i in 0..3 {
-            let (a, b) = (&corners[i], &corners[(i + 1) % 3]);
-            if a.w > 0.0 {
-                include(0, a.x / a.w);
-                include(1, a.y / a.w);
-            }
-            if (a.w > 0.0) != (b.w > 0.0) {
-                // The edge leaves the half-space in front of the eye here: towards infinity on the image plane, on the side of x and y
-                // (on both sides if rounding leaves that open).
-                let f = a.w / (a.w - b.w);
-                for (axis, value) in [(0, a.x + f * (b.x - a.x)), (1, a.y + f * (b.y - a.y))] {
-                    if value >= -1e-9 * extent {
-                        include(axis, f64::INFINITY);
-                    }
-                    if value <= 1e-9 * extent {
-                        include(axis, f64::NEG_INFINITY);
-                    }
+    let mut include =
+        |axis: usize, value: f64| range[axis] = [less(range[axis][0], value), greater(range[axis][1], value)];
+    let is_in_front = |v: &ViewVertex| !view.perspective || v.w > 0.0;
+    for v in corners.iter().filter(|v| is_in_front(v)) {
+        let per_h = if view.perspective { 1.0 / v.w } else { 1.0 };
+        include(0, v.x * per_h);
+        include(1, v.y * per_h);
+    }
+    if !corners.iter().all(is_in_front) {
+        include_around_eye(corners, include);
+    }
+    pixels_of(view, range)
+}
+
+/// Includes where the hull of corners on both sides of the eye leaves the half-space in front of it.
+#[cold]
+#[inline(never)]
+fn include_around_eye(corners: &[ViewVertex], mut include: impl FnMut(usize, f64)) {
+    let extent = corners.iter().fold(0.0f64, |m, v| m.max(v.x.abs()).max(v.y.abs()).max(v.w.abs()));
+    for (i, a) in corners.iter().enumerate() {
+        for b in corners[..i].iter().filter(|b| (a.w > 0.0) != (b.w > 0.0)) {
+            // The edge leaves it here: towards infinity on the image plane, on the side of x and y (on both sides if rounding leaves that
+            // open).
+            let f = a.w / (a.w - b.w);
+            for (axis, value) in [(0, a.x + f * (b.x - a.x)), (1, a.y + f * (b.y - a.y))] {
+                if value >= -1e-9 * extent {
+                    include(axis, f64::INFINITY);
+                }
+                if value <= 1e-9 * extent {
+                    include(axis, f64::NEG_INFINITY);
                 }
             }
         }
-    } else {
-        for v in &corners {
-            include(0, v.x);
-            include(1, v.y);
-        }
     }
+}
+
+/// Pixels with a point of the image plane in these ranges of x and y, which may be infinite; `None` if there are none. Conservative.
+#[inline(always)]
+pub(in crate::render::cpu) fn pixels_of(view: &View, [[left, right], [bottom, top]]: [[f64; 2]; 2]) -> Option<Bounds> {
     // Boxes are exact up to f64's rounding.
     const PAD_PX: f64 = 1e-3;
     let axis_range = |lo: f64, hi: f64, half: f64, pixels: usize| {
@@ -144,8 +155,8 @@ fn pixel_box(view: &View, corners: [ViewVertex; 3]) -> Option<Bounds> {
         let end = (hi.floor() + 1.0).clamp(0.0, pixels as f64);
         (first as usize, end as usize)
     };
-    let (x0, x1) = axis_range(range[0][0], range[0][1], view.half_width, view.width_px);
-    let (y0, y1) = axis_range(-range[1][1], -range[1][0], view.half_height, view.height_px);
+    let (x0, x1) = axis_range(left, right, view.half_width, view.width_px);
+    let (y0, y1) = axis_range(-top, -bottom, view.half_height, view.height_px);
     (x0 < x1 && y0 < y1).then_some(Bounds { x0, x1, y0, y1 })
 }
 

@@ -40,18 +40,19 @@ type Eight = [f64; EIGHT];
 /// The rays of a tile.
 pub(super) struct TileRays {
     pub(super) bounds: Bounds,
-    centre: [f64; 2],
+    /// The middle of the tile on the image plane.
+    pub(super) centre: [f64; 2],
     /// Positions of the columns and rows in the image plane.
     px: [f64; TILE_PX],
     py: [f64; TILE_PX],
     /// Distances of the columns and rows from the middle.
-    dx: [f64; TILE_PX],
-    dy: [f64; TILE_PX],
+    pub(super) dx: [f64; TILE_PX],
+    pub(super) dy: [f64; TILE_PX],
     /// The same distances for the pixels of a block that begins at each column, and at each row.
     block_dx: [[f32; BLOCK]; TILE_PX],
     block_dy: [[f32; BLOCK]; TILE_PX],
     /// Largest |dx| and |dy|.
-    reach: [f64; 2],
+    pub(super) reach: [f64; 2],
     /// Bits of the columns, per row, whose rays are cast.
     pub(super) rendered: [u16; TILE_PX],
     /// Whether all rays of the tile are cast.
@@ -94,6 +95,12 @@ impl TileRays {
     pub(super) fn ray(&self, view: &View, pixel: usize) -> Ray {
         let pixel = pixel % (TILE_PX * TILE_PX);
         Ray::through(view, self.px[pixel % TILE_PX], self.py[pixel / TILE_PX])
+    }
+
+    /// The image-plane point of a pixel.
+    #[inline(always)]
+    pub(super) fn at(&self, pixel: usize) -> (f64, f64) {
+        (self.px[pixel % TILE_PX], self.py[pixel / TILE_PX % TILE_PX])
     }
 
     /// Compacts a list to the pixels whose rays are cast, in order; returns their number.
@@ -200,7 +207,7 @@ impl Faces {
         }
         let (mut certain, mut coarse) = ([0.0; EIGHT], [0.0; EIGHT]);
         for l in 0..EIGHT {
-            certain[l] = reach[l] * (ACCURATE * reach[l] + SHEARED * summed[l]) + f64::MIN_POSITIVE;
+            certain[l] = certain_above(reach[l], summed[l]);
             let above = reach[l] * (COARSE * reach[l] + SHEARED * summed[l]);
             coarse[l] = (above + 16.0 * f64::from(f32::MIN_POSITIVE)) as f32;
         }
@@ -345,6 +352,12 @@ const ACCURATE: f64 = 1.0 / (1u64 << 30) as f64;
 const SHEARED: f64 = 1.0 / (1u64 << 45) as f64;
 /// Bound for f32 values.
 const COARSE: f64 = 1.0 / (1u64 << 19) as f64;
+
+/// Bound above which an edge function over a tile has its sign and its value (above), of corners with this R and D.
+#[inline(always)]
+pub(super) fn certain_above(reach: f64, summed: f64) -> f64 {
+    reach * (ACCURATE * reach + SHEARED * summed) + f64::MIN_POSITIVE
+}
 
 #[inline(always)]
 fn put<T: Copy>(into: &mut [T; FACES_AT_ONCE], first: usize, values: [T; EIGHT]) {
