@@ -6,6 +6,7 @@ use crate::optics::OpticsKind;
 use crate::pipeline::{
     Backend, FaceDetail, FrameRequest, FrameTime, KeyedSurfaces, RenderMode, Series, SurfaceLook, TetDraw,
 };
+use crate::render::points::PointStyle;
 use crate::task::Cancel;
 use crate::transfer::{
     FirstLook, Lengths, MappedRange, OpacityKind, RangePolicy, TransferContent, TransferError, TransferFunction,
@@ -35,6 +36,8 @@ pub struct Look {
     pub mode: RenderMode,
     /// Which faces a face renderer draws.
     pub faces: FaceDetail,
+    /// How cells are drawn as points; the level of detail is that of `faces`.
+    pub points: PointStyle,
     /// Device that renders.
     pub backend: Backend,
     /// How segments are integrated.
@@ -130,6 +133,7 @@ impl Look {
             lengths: Lengths::new(unit, diagonal(mesh.positions.world_bounds())),
             mode: RenderMode::default(),
             faces: FaceDetail::default(),
+            points: PointStyle::default(),
             backend: Backend::default(),
             optics: OpticsKind::default(),
             surfaces: SurfaceLook::default(),
@@ -197,7 +201,8 @@ impl Look {
         let optics = keyed.optics.filter(|_| followed.optics).unwrap_or(self.optics);
         let surfaces = if followed.surfaces { keyed.surfaces } else { KeyedSurfaces::default() };
         let request = FrameRequest::new(time, camera, table, size_px).with_tets(|tets| {
-            tets.draw = TetDraw::chosen(self.mode, FaceDetail { lod: self.lod_at(keyed), ..self.faces });
+            let faces = FaceDetail { lod: self.lod_at(keyed), ..self.faces };
+            tets.draw = TetDraw::chosen(self.mode, faces, self.points);
             (tets.optics, tets.formula) = (optics, formula);
             tets.show(&self.surfaces.at(surfaces));
         });

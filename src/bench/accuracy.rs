@@ -30,6 +30,7 @@ use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
 use crate::pipeline::{FrameRequest, Pipeline, PipelineError, RenderMode, SampleSet, TetDraw, TetLayer};
 use crate::render::cpu::raycast::Raycast;
+use crate::render::points::PointStyle;
 use crate::render::{Frame, RenderError, RenderJob, Renderer};
 use crate::stats::FrameStats;
 use crate::task::{Cancel, Progress};
@@ -183,7 +184,7 @@ impl AccuracyPath {
         // Transparent cells are known only for the pipeline's own table.
         let knows_transparent = self.own_table().is_none();
         let with_path = |tets: &mut TetLayer| {
-            (tets.draw, tets.optics) = (TetDraw::chosen(self.mode, self.faces()), self.optics);
+            (tets.draw, tets.optics) = (TetDraw::chosen(self.mode, self.faces(), PointStyle::EXACT), self.optics);
             tets.formula.take_if(|_| self.mode == RenderMode::Reference);
         };
         FrameRequest {

@@ -13,6 +13,7 @@ use crate::project::Project;
 use crate::render::KBuffer;
 #[cfg(feature = "gpu")]
 use crate::render::gpu::context::ContextOptions;
+use crate::render::points::{Compositing, Footprint, PointStyle};
 use crate::scene::{Scene, unless_cancelled};
 use crate::store::Store;
 use crate::task::Cancel;
@@ -46,11 +47,14 @@ pub(super) struct SceneArgs {
     /// its cameras
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
     pub(super) camera: Option<String>,
-    /// auto (raycast, or havs for a --lod below 1), raycast, havs (faces through a k-buffer), or reference (float64, slow)
+    /// auto (raycast, or havs for a --lod below 1), raycast, havs (faces through a k-buffer), points (cell by cell, on the CPU; docs/points.md),
+    /// or reference (float64, slow)
     #[arg(long, value_name = "MODE", default_value = "auto")]
     pub(super) mode: RenderMode,
     #[command(flatten)]
     pub(super) faces: FaceArgs,
+    #[command(flatten)]
+    pub(super) points: PointArgs,
     /// auto (the GPU if there is one), cpu, or gpu
     #[arg(long, value_name = "BACKEND", default_value = "auto")]
     pub(super) backend: Backend,
@@ -75,7 +79,7 @@ pub(super) struct SceneArgs {
 /// Options for faces and their order.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct FaceArgs {
-    /// Level of detail: the share of interior faces that is drawn, 0 to 1
+    /// Level of detail: the share of interior faces, or of the fragments of points, that is drawn, 0 to 1
     #[arg(long, value_name = "SHARE", default_value = "1", allow_hyphen_values = true, value_parser = parse_lod)]
     lod: f64,
     /// Which faces havs draws first: error (by chance, more of those that would be missed), random, global (those that change
@@ -86,7 +90,7 @@ pub(super) struct FaceArgs {
     /// Fragments that havs keeps in order at a time, 2 to 32
     #[arg(long, value_name = "K", default_value_t = KBuffer::default().k, value_parser = clap::value_parser!(u8).range(2..=32))]
     k: u8,
-    /// Leave pixels whose fragments came out of order as they are (havs)
+    /// Leave pixels whose fragments came out of order as they are (havs), or fragments in the order of centroids (points)
     #[arg(long)]
     inexact_order: bool,
 }
@@ -95,6 +99,64 @@ impl FaceArgs {
     pub(super) fn detail(&self) -> FaceDetail {
         let k_buffer = KBuffer { k: self.k, exact_order: !self.inexact_order };
         FaceDetail { lod: self.lod, sampling: self.sampling, k_buffer }
+    }
+}
+
+/// Options for cells as points.
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct PointArgs {
+    /// Shape of cells drawn as points: square, circle, ellipse or exact
+    #[arg(long, value_name = "SHAPE", default_value = "exact")]
+    footprint: Footprint,
+    /// Light of points on a ray: own (each cell by itself) or gap (between successive points, as in the dissertation)
+    #[arg(long, value_name = "HOW", default_value = "own")]
+    compositing: Compositing,
+    /// Scale of square, circle and ellipse, above 0, at most 8
+    #[arg(long, value_name = "R", default_value = "1", allow_hyphen_values = true, value_parser = parse_radius)]
+    point_radius: f64,
+}
+
+impl SceneArgs {
+    /// How cells are drawn as points.
+    fn point_style(&self) -> PointStyle {
+        let PointArgs { footprint, compositing, point_radius } = self.points;
+        let FaceDetail { lod, k_buffer, .. } = self.faces.detail();
+        PointStyle { footprint, compositing, radius: point_radius, lod, exact_order: k_buffer.exact_order }
+    }
+
+    /// How cells are drawn.
+    pub(super) fn draw(&self) -> TetDraw {
+        TetDraw::chosen(self.mode, self.faces.detail(), self.point_style())
+    }
+
+    /// Refuses options of other modes than the chosen one.
+    fn check_mode(&self) -> anyhow::Result<()> {
+        let (draw, faces, style) = (self.draw(), self.faces.detail(), self.point_style());
+        if let TetDraw::Points(_) = draw {
+            let alike = FaceDetail { sampling: faces.sampling, ..FaceDetail::default() };
+            if alike != FaceDetail::default() || faces.k_buffer.k != KBuffer::USUAL.k {
+                bail!("--sampling and --k are about faces; leave them out, or choose --mode havs");
+            }
+            if style.footprint == Footprint::Exact && style.radius != 1.0 {
+                bail!("--point-radius {} scales square, circle and ellipse; choose one with --footprint", style.radius);
+            }
+            if self.backend == Backend::Gpu {
+                bail!("--mode points is drawn on the CPU only; leave --backend gpu out");
+            }
+            return Ok(());
+        }
+        if self.mode == RenderMode::Reference && self.backend == Backend::Gpu {
+            bail!("--mode reference is rendered on the CPU only; leave --backend gpu out");
+        }
+        if !matches!(draw, TetDraw::Faces(_)) && faces != FaceDetail::default() {
+            bail!("--lod, --sampling, --k and --inexact-order are about faces; add --mode havs");
+        }
+        let PointStyle { footprint, compositing, radius, .. } = style;
+        let usual = PointStyle::EXACT;
+        if (footprint, compositing, radius) != (usual.footprint, usual.compositing, usual.radius) {
+            bail!("--footprint, --compositing and --point-radius are about points; add --mode points");
+        }
+        Ok(())
     }
 }
 
@@ -154,6 +216,12 @@ fn parse_lod(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(is_share).ok_or_else(|| "a level of detail is a number from 0 to 1".to_owned())
 }
 
+fn parse_radius(text: &str) -> Result<f64, String> {
+    let most = PointStyle::MOST_RADIUS;
+    let is_within = |radius: &f64| *radius > 0.0 && *radius <= most;
+    text.parse().ok().filter(is_within).ok_or_else(|| format!("a point radius is above 0 and at most {most}"))
+}
+
 fn parse_length(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()
@@ -197,13 +265,7 @@ impl SceneArgs {
     ) -> anyhow::Result<Look> {
         let tf = tf.with_context(|| format!("--tf '{}'", self.tf.display()))?;
         let faces = self.faces.detail();
-        let draws_faces = matches!(TetDraw::chosen(self.mode, faces), TetDraw::Faces(_));
-        if self.mode == RenderMode::Reference && self.backend == Backend::Gpu {
-            bail!("--mode reference is rendered on the CPU only; leave --backend gpu out");
-        }
-        if !draws_faces && faces != FaceDetail::default() {
-            bail!("--lod, --sampling, --k and --inexact-order are about faces; add --mode havs");
-        }
+        self.check_mode()?;
         // A vector field is shown by its magnitude; for surfaces the user must choose.
         if let Some(FieldSelector { name, component: None }) = &self.field
             && self.surfaces.has_isosurfaces()
@@ -227,6 +289,8 @@ impl SceneArgs {
             },
             mode: self.mode,
             faces,
+            // Its level of detail is that of the faces.
+            points: PointStyle { lod: 1.0, ..self.point_style() },
             backend: self.backend,
             optics: self.optics,
             surfaces: self.surfaces.look(series, &look.tf, look.lengths)?,

@@ -7,6 +7,7 @@ use super::gpu::Gpu;
 use super::preparation::Ordered;
 use super::residual::AddDetails;
 use crate::render::cpu::havs::Havs;
+use crate::render::cpu::points::Points;
 use crate::render::cpu::raycast::Raycast;
 use crate::render::reference::Reference;
 use crate::render::{Contrast, Frame, Planes, RenderError, RenderJob, Renderer};
@@ -29,6 +30,7 @@ pub(super) struct Renderers {
 struct CpuRenderers {
     raycast: Raycast,
     havs: Havs,
+    points: Points,
     reference: Reference,
 }
 
@@ -37,6 +39,7 @@ impl CpuRenderers {
         match by {
             DrawnBy::Raycast => &mut self.raycast,
             DrawnBy::Faces(_) => &mut self.havs,
+            DrawnBy::Points(_) => &mut self.points,
             DrawnBy::Reference => &mut self.reference,
         }
     }
@@ -133,7 +136,8 @@ impl Renderers {
         let primitive = match by {
             DrawnBy::Raycast => Some(Primitive::Cells),
             DrawnBy::Faces(_) => Some(Primitive::Faces),
-            DrawnBy::Reference => None,
+            DrawnBy::Points(_) if backend == Backend::Gpu => return Err(RenderError::PointsOnGpu),
+            DrawnBy::Points(_) | DrawnBy::Reference => None,
         };
         if primitive.is_some() {
             self.check(backend)?;

@@ -2,6 +2,7 @@
 
 use super::Sampling;
 use super::text::FaceText;
+use crate::render::points::{Compositing, PointStyle};
 use crate::render::{KBuffer, RenderError};
 use crate::short::Short;
 use crate::words::words;
@@ -18,11 +19,17 @@ pub enum RenderMode {
     Raycast,
     /// Faces through a k-buffer, [`crate::render::cpu::havs`], at any level of detail.
     Havs,
+    /// Cells as points, [`crate::render::cpu::points`], on the CPU.
+    Points,
     /// Float64 reference, [`mod@crate::render::reference`]; on the CPU whatever the backend.
     Reference,
 }
 
-words!(RenderMode, "there is no mode", ["auto" = Auto, "raycast" = Raycast, "havs" = Havs, "reference" = Reference]);
+words!(
+    RenderMode,
+    "there is no mode",
+    ["auto" = Auto, "raycast" = Raycast, "havs" = Havs, "points" = Points, "reference" = Reference]
+);
 
 /// Which faces are drawn, and how they are sorted.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -71,6 +78,8 @@ pub enum TetDraw {
     Raycast,
     /// Faces of the cells, all or some, through a k-buffer: [`crate::render::cpu::havs`].
     Faces(FaceDetail),
+    /// Cells as points, all or some, on the CPU: [`crate::render::cpu::points`].
+    Points(PointStyle),
     /// All cells, by the float64 reference, [`mod@crate::render::reference`]; on the CPU whatever the backend.
     Reference,
 }
@@ -80,13 +89,14 @@ impl TetDraw {
     pub const ALL_FACES: Self = Self::Faces(FaceDetail::ALL);
 
     /// The setting for a user's mode. A level of detail applies to faces: [`RenderMode::Auto`] becomes these faces if it leaves some out,
-    /// else [`Self::Auto`], which therefore holds no face settings.
-    pub fn chosen(mode: RenderMode, faces: FaceDetail) -> Self {
+    /// else [`Self::Auto`], which therefore holds no face settings. Points have the level of detail of `faces`.
+    pub fn chosen(mode: RenderMode, faces: FaceDetail, points: PointStyle) -> Self {
         match mode {
             RenderMode::Auto if faces.lod < 1.0 => Self::Faces(faces),
             RenderMode::Auto => Self::Auto,
             RenderMode::Raycast => Self::Raycast,
             RenderMode::Havs => Self::Faces(faces),
+            RenderMode::Points => Self::Points(PointStyle { lod: faces.lod, ..points }),
             RenderMode::Reference => Self::Reference,
         }
     }
@@ -96,13 +106,18 @@ impl TetDraw {
         match self {
             Self::Auto | Self::Raycast => DrawnBy::Raycast,
             Self::Faces(detail) => DrawnBy::Faces(detail),
+            Self::Points(style) => DrawnBy::Points(style),
             Self::Reference => DrawnBy::Reference,
         }
     }
 
-    /// The share of the interior faces that is drawn; 1 where whole cells are.
+    /// The share of the interior faces, or of the fragments of points, that is drawn; 1 where whole cells are.
     pub fn lod(self) -> f64 {
-        self.drawn_by().faces().map_or(1.0, |detail| detail.lod)
+        match self.drawn_by() {
+            DrawnBy::Faces(detail) => detail.lod,
+            DrawnBy::Points(style) => style.lod,
+            DrawnBy::Raycast | DrawnBy::Reference => 1.0,
+        }
     }
 }
 
@@ -113,6 +128,8 @@ pub enum DrawnBy {
     Raycast,
     /// The face renderer.
     Faces(FaceDetail),
+    /// The point renderer.
+    Points(PointStyle),
     /// The float64 reference.
     Reference,
 }
@@ -123,6 +140,7 @@ impl DrawnBy {
         match self {
             Self::Raycast => "raycast",
             Self::Faces(_) => "havs",
+            Self::Points(_) => "points",
             Self::Reference => "reference",
         }
     }
@@ -131,7 +149,20 @@ impl DrawnBy {
     pub fn faces(self) -> Option<FaceDetail> {
         match self {
             Self::Faces(detail) => Some(detail),
-            Self::Raycast | Self::Reference => None,
+            Self::Raycast | Self::Points(_) | Self::Reference => None,
+        }
+    }
+
+    /// Whether cells that show nothing must be drawn as well: the reference skips nothing, and gaps lie between points of any cells.
+    pub(super) fn needs_all_cells(self) -> bool {
+        self == Self::Reference || self.points().is_some_and(|style| style.compositing == Compositing::Gap)
+    }
+
+    /// How cells are drawn as points; `None` if they are not.
+    pub fn points(self) -> Option<PointStyle> {
+        match self {
+            Self::Points(style) => Some(style),
+            Self::Raycast | Self::Faces(_) | Self::Reference => None,
         }
     }
 }
@@ -143,19 +174,22 @@ mod tests {
     #[test]
     fn the_program_leaves_faces_out_only_where_that_was_asked_for() {
         let (all, half) = (FaceDetail::ALL, FaceDetail { lod: 0.5, ..FaceDetail::ALL });
-        let comes_to = |mode: RenderMode, faces| TetDraw::chosen(mode, faces).drawn_by();
+        let points = PointStyle::EXACT;
+        let comes_to = |mode: RenderMode, faces| TetDraw::chosen(mode, faces, points).drawn_by();
         for (mode, faces, expected) in [
             (RenderMode::Auto, all, DrawnBy::Raycast),
             (RenderMode::Auto, half, DrawnBy::Faces(half)),
             (RenderMode::Raycast, half, DrawnBy::Raycast),
             (RenderMode::Havs, all, DrawnBy::Faces(all)),
             (RenderMode::Havs, half, DrawnBy::Faces(half)),
+            (RenderMode::Points, all, DrawnBy::Points(points)),
+            (RenderMode::Points, half, DrawnBy::Points(PointStyle { lod: 0.5, ..points })),
             (RenderMode::Reference, half, DrawnBy::Reference),
         ] {
             assert_eq!(comes_to(mode, faces), expected, "{mode}");
-            let is_whole = !matches!(expected, DrawnBy::Faces(detail) if detail.lod < 1.0);
-            assert_eq!(TetDraw::chosen(mode, faces).lod() == 1.0, is_whole, "{mode}");
+            let is_whole = faces == all || matches!(expected, DrawnBy::Raycast | DrawnBy::Reference);
+            assert_eq!(TetDraw::chosen(mode, faces, points).lod() == 1.0, is_whole, "{mode}");
         }
-        assert_eq!(TetDraw::default(), TetDraw::chosen(RenderMode::default(), all));
+        assert_eq!(TetDraw::default(), TetDraw::chosen(RenderMode::default(), all, points));
     }
 }

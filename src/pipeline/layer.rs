@@ -1,6 +1,6 @@
 //! The layers of a request, as plain data.
 
-use super::{FrameRequest, TetDraw};
+use super::{DrawnBy, FrameRequest, TetDraw};
 use crate::camera::PixelSetError;
 use crate::field::Regions;
 use crate::node_table::{NodeTable, TransferTable};
@@ -48,7 +48,11 @@ impl Layer {
         if let Some(by) = by.into_iter().find(|by| usize::from(*by) >= layer.beside.len()) {
             return Err(format!("a surface has the colours of field {by} beside, of {}", layer.beside.len()));
         }
-        layer.draw.drawn_by().faces().map_or(Ok(()), |detail| detail.check())
+        match layer.draw.drawn_by() {
+            DrawnBy::Faces(detail) => detail.check(),
+            DrawnBy::Points(style) => style.check(),
+            DrawnBy::Raycast | DrawnBy::Reference => Ok(()),
+        }
     }
 }
 
@@ -304,6 +308,11 @@ pub enum RequestError {
         "'{0}' has values of cells, constant in each, and so no isosurfaces; import the series with --cells-to-points, or leave them out"
     )]
     IsosurfacesOfCells(String),
+    /// Isosurfaces in points that are not the cells themselves.
+    #[error(
+        "isosurfaces lie in cells, and points are the cells themselves only with footprint exact, compositing own and all of them drawn; choose these, another mode, or leave the isosurfaces out"
+    )]
+    IsosurfacesOfPoints,
     /// The store has no field of that name beside the one shown.
     #[error("the field beside {0}")]
     NoFieldBeside(String),

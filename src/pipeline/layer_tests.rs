@@ -5,10 +5,12 @@ use crate::camera::Camera;
 use crate::node_table::{Node, NodeTable};
 use crate::pipeline::{Backend, FrameRequest, Pipeline, PipelineError, Pipelined, PipelinedOptions, test_series};
 use crate::render::Frame;
+use crate::render::points::PointStyle;
 use crate::visibility::Skip;
 use std::time::Duration;
 
-const DRAWS: [TetDraw; 4] = [TetDraw::Auto, TetDraw::Raycast, TetDraw::ALL_FACES, TetDraw::Reference];
+const DRAWS: [TetDraw; 5] =
+    [TetDraw::Auto, TetDraw::Raycast, TetDraw::ALL_FACES, TetDraw::Points(PointStyle::EXACT), TetDraw::Reference];
 
 fn request() -> FrameRequest {
     let camera = Camera::default_for(test_series::mesh().positions.world_bounds()).unwrap();

@@ -18,6 +18,7 @@ mod in_sight;
 mod kept;
 mod layer;
 mod pipelined;
+mod points;
 mod prefetch;
 mod preparation;
 mod priority;

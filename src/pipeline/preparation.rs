@@ -2,6 +2,7 @@
 
 use super::enlarging::Enlarge;
 use super::in_sight::{CellsInSight, InSight, Sight};
+use super::points::PointLists;
 use super::quantities::Gradients;
 use super::region_values::{RegionFields, RegionValues};
 use super::residual::AddDetails;
@@ -96,6 +97,9 @@ impl Decode {
         if series.values_of() == Association::Cell && !layer.surfaces.is_empty() {
             return Err(RequestError::IsosurfacesOfCells(series.field.name.clone()).into());
         }
+        if by.points().is_some_and(|style| !style.is_exact()) && !layer.surfaces.is_empty() {
+            return Err(RequestError::IsosurfacesOfPoints.into());
+        }
         let colors = SurfaceColors::of(&mut self.colors, layer)?;
         let layer = in_sight(layer);
         let transparent = self.transparent.of(&layer, by, request.skip);
@@ -114,7 +118,7 @@ impl Decode {
         let region_values = self.region_fields.values(series, &layer, request.time, cancel, &mut stats)?;
         let known = needed.map(|needed| needed.labels).unwrap_or_default();
         stats.chunks_skipped = known.iter().filter(|label| label.is_some()).count() as u64;
-        let is_for_gpu = request.backend != Backend::Cpu && by != DrawnBy::Reference;
+        let is_for_gpu = request.backend != Backend::Cpu && !matches!(by, DrawnBy::Points(_) | DrawnBy::Reference);
         let compressed = if is_for_gpu { series.compressed(request.time)? } else { None };
         stats.ms_decode = started.elapsed().as_secs_f64() * 1e3;
         Ok(Decoded { layer, by, scalars, compressed, transparent, colors, beside, region_values, known, stats })
@@ -289,6 +293,7 @@ pub(super) struct Order {
     /// Selects faces in modes that draw faces.
     selector: Selector,
     depth: DepthOrder,
+    points: PointLists,
     /// Prepared here, not in the renderer: a table takes longer than a frame.
     tables: OpticsTables,
     gradients: Gradients,
@@ -339,8 +344,7 @@ impl Order {
         let planes = cut_planes(&decoded.layer.cuts, &series.mesh.positions).map_err(RequestError::from)?;
         let Decoded { layer, scalars, known, transparent, region_values, .. } = &decoded;
         let forget = !request.skip.unchanged;
-        // The reference skips nothing.
-        let keep_away = !request.skip.outside || decoded.by == DrawnBy::Reference;
+        let keep_away = !request.skip.outside || decoded.by.needs_all_cells();
         let in_sight = InSight { layer, scalars, known, transparent, region_values, planes: &planes, keep_away };
         let Sight { activity, clipped, of_all_regions } = self.in_sight.find(series, in_sight, forget, cancel)?;
         let goes_through_more = !request.skip.transparent_cells || keep_away && !planes.clips.is_empty();
@@ -357,7 +361,7 @@ impl Order {
         waste(Slow::Skipping, if request.skip == Skip::ALL { active.universe() } else { 0 });
         if !request.skip.unchanged {
             (self.selector, self.depth, self.gradients, self.vertex_gradients) = Default::default();
-            self.shells = Shells::default();
+            (self.shells, self.points) = Default::default();
         }
         let (faces, k_buffer) = match by.faces() {
             Some(detail) => {
@@ -366,6 +370,8 @@ impl Order {
             }
             None => (None, KBuffer::default()),
         };
+        let points = by.points().map(|style| self.points.find(&series.mesh, style, &active, &view, cancel, &mut stats));
+        let points = points.transpose()?;
         let joint = match layer.table.joint() {
             None => None,
             Some(table) => {
@@ -393,6 +399,7 @@ impl Order {
             surfaces,
             shells,
             faces,
+            points,
             k_buffer,
             clusters: Some(series.clusters().clone()),
             skip: request.skip,

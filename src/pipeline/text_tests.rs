@@ -7,6 +7,7 @@ use crate::node_table::{JointTable, Node, NodeTable, TransferTable};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, DepthEdges, ImageScale, SampleSet, Sampling, TetDraw, TetLayer, UpsampleFilter};
 use crate::render::KBuffer;
+use crate::render::points::{Compositing, Footprint, PointStyle};
 use crate::render::surfaces::{Cut, Isosurface, Light, Normals, SurfaceShading};
 use crate::transfer::{
     BlendedEnsembles, ColorWeighting, Ensemble, Lengths, MappedRange, OpacityKind, TransferContent, TransferFunction,
@@ -91,7 +92,14 @@ fn draw() -> impl Strategy<Value = TetDraw> {
             TetDraw::Faces(FaceDetail { lod, sampling, k_buffer: KBuffer { k, exact_order } })
         },
     );
-    prop_oneof![Just(TetDraw::Auto), Just(TetDraw::Raycast), Just(TetDraw::Reference), faces]
+    let footprint = prop::sample::select(Footprint::ALL.to_vec());
+    let compositing = prop::sample::select(Compositing::ALL.to_vec());
+    let points = (footprint, compositing, 1e-9..=8.0_f64, 0.0..=1.0_f64, prop::bool::ANY).prop_map(
+        |(footprint, compositing, radius, lod, exact_order)| {
+            TetDraw::Points(PointStyle { footprint, compositing, radius, lod, exact_order })
+        },
+    );
+    prop_oneof![Just(TetDraw::Auto), Just(TetDraw::Raycast), Just(TetDraw::Reference), faces, points]
 }
 
 fn surfaces() -> impl Strategy<Value = (Vec<Isosurface>, Vec<Cut>, SurfaceShading)> {
@@ -330,6 +338,9 @@ fn a_request_that_could_not_be_read_has_no_text() {
     assert!(no_text(plain().with_draw(detail(f64::NAN, 8))).contains("tets.draw.faces.lod is not finite"));
     assert!(no_text(plain().with_draw(detail(-0.5, 8))).contains("a level of detail of -0.5"));
     assert!(no_text(plain().with_draw(detail(0.5, 33))).contains("a buffer of 33"));
+    let points = |radius, lod| TetDraw::Points(PointStyle { radius, lod, ..PointStyle::EXACT });
+    assert!(no_text(plain().with_draw(points(9.0, 1.0))).contains("a point radius of 9"));
+    assert!(no_text(plain().with_draw(points(1.0, 2.0))).contains("a level of detail of 2"));
     let of_surfaces = |surfaces: &[Isosurface]| plain().with_tets(|tets| tets.surfaces = surfaces.to_vec());
     assert!(no_text(of_surfaces(&[Isosurface::new(1.0); 33])).contains("33 isosurfaces"));
     assert!(no_text(of_surfaces(&[Isosurface::new(f64::NAN)])).contains("isovalues are finite"));

@@ -26,7 +26,7 @@ struct TransparentOf {
 
 impl TransparentCache {
     pub(super) fn of(&mut self, layer: &TetLayer, by: DrawnBy, skip: Skip) -> Arc<TransparentIntervals> {
-        if !skip.transparent_cells || by == DrawnBy::Reference {
+        if !skip.transparent_cells || by.needs_all_cells() {
             // The reference skips nothing.
             return self.nowhere.clone();
         }

@@ -21,6 +21,7 @@ use crate::optics::OpticsKind;
 use crate::pipeline::RenderMode;
 use crate::playback::{CommandError, Settings};
 use crate::render::domain::DomainSurface;
+use crate::render::points::PointStyle;
 use crate::render::surfaces::{CutText, IsosurfaceText};
 use crate::short::Short;
 use crate::timeline::TimelineError;
@@ -166,6 +167,8 @@ impl Project {
 
     /// Refuses levels of detail for a renderer that draws all cells, and optics for one that has its own.
     fn check_mode(&self) -> Result<(), ProjectError> {
+        let radius = self.look.point_radius.unwrap_or(1.0);
+        PointStyle { radius, ..PointStyle::EXACT }.check().map_err(ProjectError::BadPoints)?;
         let Some(mode) = self.look.mode else { return Ok(()) };
         let (lod, optics) = (self.timeline.lod.keys(), self.timeline.optics.keys());
         let has_levels = lod.iter().map(|key| key.value).chain(self.look.lod).any(|lod| lod < 1.0);
@@ -323,6 +326,9 @@ pub enum ProjectError {
     /// Levels of detail for a renderer that has none.
     #[error("mode '{0}' always draws all cells; leave it out or say 'havs', or leave out lod and [[timeline.lod]]")]
     NoLevels(RenderMode),
+    /// An invalid setting of points.
+    #[error("point-radius: {0}")]
+    BadPoints(String),
     /// Optics on the timeline, for a renderer that has its own.
     #[error("the timeline has optics, but mode 'reference' has its own; leave the mode or [[timeline.optics]] out")]
     NoOptics,

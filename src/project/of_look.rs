@@ -12,7 +12,9 @@ impl LookSettings {
     pub fn of(look: &Look, usual: &Look, ensemble: Option<String>) -> Self {
         let (mode, faces) = (look.mode, look.faces);
         // Without faces there is nothing to say about them.
-        let draws_faces = matches!(TetDraw::chosen(mode, faces), TetDraw::Faces(_));
+        let draw = TetDraw::chosen(mode, faces, look.points);
+        let draws_faces = matches!(draw, TetDraw::Faces(_));
+        let points = if mode == RenderMode::Points { look.points } else { usual.points };
         let of_faces = |differs: bool| draws_faces && differs;
         let unit = look.lengths.unit_distance;
         Self {
@@ -23,10 +25,13 @@ impl LookSettings {
             backend: differing(look.backend, usual.backend),
             // The reference has its own.
             optics: differing(look.optics, usual.optics).filter(|_| mode != RenderMode::Reference),
-            lod: of_faces(faces.lod != usual.faces.lod).then_some(faces.lod),
+            lod: differing(draw.lod(), usual.faces.lod).filter(|_| draws_faces || mode == RenderMode::Points),
             sampling: of_faces(faces.sampling != usual.faces.sampling).then(|| faces.sampling.to_string()),
             k: of_faces(faces.k_buffer.k != usual.faces.k_buffer.k).then_some(faces.k_buffer.k),
-            inexact_order: of_faces(!faces.k_buffer.exact_order).then_some(true),
+            inexact_order: (of_faces(!faces.k_buffer.exact_order) || !points.exact_order).then_some(true),
+            footprint: differing(points.footprint, usual.points.footprint),
+            compositing: differing(points.compositing, usual.points.compositing),
+            point_radius: differing(points.radius, usual.points.radius),
             camera: Some(look.camera.to_string()),
             ..Self::of_surfaces(&look.surfaces, &usual.surfaces)
         }

@@ -5,6 +5,7 @@ use crate::camera::{Camera, CameraError};
 use crate::field::{FieldSelector, Regions};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode};
+use crate::render::points::{Compositing, Footprint};
 use crate::render::surfaces::{CropBox, Light, Normals};
 use crate::timeline::{At, Keyframed};
 use crate::transfer::{ColorWeighting, OpacityKind, RangeMap};
@@ -103,6 +104,15 @@ pub struct LookSettings {
     /// Whether pixels whose fragments came out of order stay as they are.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inexact_order: Option<bool>,
+    /// The shape of cells drawn as points.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub footprint: Option<Footprint>,
+    /// How points on a ray become light.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub compositing: Option<Compositing>,
+    /// Scale of the footprints of points, above 0, at most 8.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub point_radius: Option<f64>,
     /// Viewpoint, as `--camera` has it, or the name of a camera.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<String>,

@@ -56,6 +56,7 @@ impl Desk {
             lengths: Lengths::of_unit_distance(0.01),
             mode: Default::default(),
             faces: Default::default(),
+            points: Default::default(),
             backend: Backend::Cpu,
             optics: Default::default(),
             skip: Default::default(),

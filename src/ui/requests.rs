@@ -5,7 +5,7 @@ use super::project_worker::ProjectWorker;
 use super::still::Still;
 use crate::look::{Colors, Keyed, Look};
 use crate::node_table::NodeTable;
-use crate::pipeline::{FaceDetail, FrameRequest, FrameTime, Series, TetDraw};
+use crate::pipeline::{FaceDetail, FrameRequest, FrameTime, RenderMode, Series, TetDraw};
 use crate::playback::quality::Quality;
 use crate::project::Project;
 use crate::render::Contrast;
@@ -50,9 +50,11 @@ impl Requests {
         let none = || Ok(Colors { table: Arc::new(NodeTable::transparent()).into(), formula: None });
         let Ok::<_, Infallible>(request) = look.request(time, size, &keyed, none);
         let lod = look.lod_at(&keyed);
-        let Look { mode, faces, .. } = *look;
-        // The level of detail follows from the quality chosen below.
-        let request = request.with_tets(|tets| tets.draw = TetDraw::chosen(mode, FaceDetail { lod: 1.0, ..faces }));
+        let Look { mode, faces, points, .. } = *look;
+        // The level of detail of faces follows from the quality chosen below.
+        let all = if mode == RenderMode::Points { lod } else { 1.0 };
+        let draw = TetDraw::chosen(mode, FaceDetail { lod: all, ..faces }, points);
+        let request = request.with_draw(draw);
         let request = FrameRequest { for_window: self.for_window, ..request };
         let has_rays = request.may_leave_rays_out();
         // A request that may leave out rays may use details, but not with surfaces of the domain or of regions.

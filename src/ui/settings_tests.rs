@@ -20,6 +20,7 @@ fn look(scale: f64) -> Look {
         lengths: Lengths::of_unit_distance(0.01),
         mode,
         faces: Default::default(),
+        points: Default::default(),
         backend,
         optics,
         skip: Default::default(),

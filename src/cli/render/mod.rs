@@ -114,8 +114,7 @@ impl Args {
 
     /// The smaller image that is rendered and enlarged to each frame, if any.
     fn upsampling(&self, project: Option<&Project>) -> anyhow::Result<Option<Upsampling>> {
-        let SceneArgs { mode, faces, .. } = &self.scene;
-        let draw = TetDraw::chosen(*mode, faces.detail());
+        let draw = self.scene.draw();
         let upsampling = self.upsample.upsampling(draw.lod() < 1.0 || leaves_faces_out(project))?;
         if upsampling.is_some() && draw == TetDraw::Reference {
             bail!(
@@ -130,7 +129,7 @@ impl Args {
 
     /// Refuses options that need all rays.
     fn check_rays(&self, project: Option<&Project>) -> anyhow::Result<()> {
-        let SceneArgs { mode, faces, surfaces, .. } = &self.scene;
+        let SceneArgs { surfaces, .. } = &self.scene;
         if self.rays.contrast().is_none() {
             return Ok(());
         }
@@ -139,7 +138,7 @@ impl Args {
                 "--rays adaptive is about rays from cell to cell, and [[timeline.lod]] of the project leaves faces out; take these keys out, or choose --rays exact"
             );
         }
-        match TetDraw::chosen(*mode, faces.detail()).drawn_by() {
+        match self.scene.draw().drawn_by() {
             DrawnBy::Raycast => {}
             by => bail!(
                 "--rays adaptive is about rays from cell to cell, and {} draws otherwise; choose --mode raycast, all faces, or --rays exact",

@@ -107,7 +107,9 @@ impl Session {
             Quality::Faces(_) | Quality::Exact => {
                 let optics =
                     shown.request.tets().map(|tets| tets.optics).filter(|_| self.look.mode != RenderMode::Reference);
-                let is_exact = optics.is_none_or(|optics| optics == OpticsKind::Exact);
+                let points = shown.request.tets().and_then(|tets| tets.draw.drawn_by().points());
+                let are_cells = points.is_none_or(|style| style.is_exact());
+                let is_exact = are_cells && optics.is_none_or(|optics| optics == OpticsKind::Exact);
                 if is_exact { "exact" } else { "all drawn" }.to_owned()
             }
         }

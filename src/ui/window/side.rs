@@ -340,6 +340,7 @@ fn picture(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
         (RenderMode::Auto, "best renderer"),
         (RenderMode::Raycast, "ray caster"),
         (RenderMode::Havs, "faces"),
+        (RenderMode::Points, "cells as points"),
         (RenderMode::Reference, "reference (float64, slow)"),
     ];
     actions.extend(chosen(ui, "Renderer", session.look().mode, &modes).map(Action::Renderer));

@@ -6,6 +6,7 @@ mod export_surfaces;
 mod import;
 mod movie;
 mod places;
+mod points;
 mod project;
 mod render;
 mod resume;
