@@ -17,7 +17,7 @@ fn paths() -> Vec<&'static str> {
 }
 
 /// Those on the CPU.
-const PATHS: [&str; 3] = ["raycast", "portable", "faces"];
+const PATHS: [&str; 4] = ["raycast", "portable", "faces", "points"];
 
 fn centroid(mesh: &Mesh, cell: usize) -> DVec3 {
     mesh.topology.tets[cell].iter().map(|&v| mesh.positions.world(v as usize)).sum::<DVec3>() / 4.0

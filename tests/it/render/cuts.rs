@@ -113,7 +113,7 @@ fn planes_between_and_on_faces_of_cells_are_met_once_and_leave_what_lies_behind(
     // 0.5 and 0.0 are where cells end.
     for z in [0.5, 0.0, 0.13, -0.9] {
         let half = |kind: &str, cut: &[Cut]| planes(kind, &with_cuts(&base, cut));
-        for path in ["raycast", "portable", "faces", "reference"] {
+        for path in ["raycast", "portable", "faces", "points", "reference"] {
             let clipped = half(path, &[clip([0.0, 0.0, z], [0.0, 0.0, 1e-30])]);
             let opacity = 1.0 - (-0.7 * (z + 1.0)).exp();
             let sectioned = half(path, &[section([0.3, 0.4, z], [0.0, 0.0, 3e30])]);
@@ -141,7 +141,7 @@ fn planes_between_and_on_faces_of_cells_are_met_once_and_leave_what_lies_behind(
 #[test]
 fn clips_that_leave_nothing_of_a_ray_leave_it_empty() {
     let base = blocks(ramp());
-    for path in ["raycast", "portable", "faces", "reference"] {
+    for path in ["raycast", "portable", "faces", "points", "reference"] {
         let gone = planes(path, &with_cuts(&base, &[clip([0.0, 0.0, -1.5], [0.0, 0.0, 1.0])]));
         assert!(
             gone.color.pixels.iter().all(|p| *p == [0.0; 4]) && gone.depth.pixels.iter().all(|d| *d == f32::INFINITY)

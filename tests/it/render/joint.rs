@@ -82,7 +82,8 @@ pub fn jobs(n: usize, projection: Projection) -> Vec<(&'static str, RenderJob)> 
 fn assert_all_agree(name: &str, job: &RenderJob) {
     let judge = reference(job);
     assert!(judge.pixels.iter().any(|p| p[3] > 0.0), "{name}: an empty image proves nothing");
-    for (path, image) in [("ray caster", raycast(job)), ("faces", havs(&with_all_faces(job)).planes.color)] {
+    let faces = havs(&with_all_faces(job)).planes.color;
+    for (path, image) in [("ray caster", raycast(job)), ("faces", faces), ("points", points(job).planes.color)] {
         let (rmse, max) = difference(&image, &judge);
         eprintln!("{name}, {path}: rmse {rmse:.1e}, max {max:.1e}");
         assert_within(&format!("{name}, {path}"), &image, &judge);

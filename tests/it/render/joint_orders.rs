@@ -19,6 +19,7 @@ fn eyes_within_the_mesh_see_what_the_reference_sees() {
             let faces = havs(&with_all_faces(&job));
             assert_within(&format!("{name}, {seed}, ray caster"), &raycast(&job), &judge);
             assert_within(&format!("{name}, {seed}, faces"), &faces.planes.color, &judge);
+            assert_within(&format!("{name}, {seed}, points"), &points(&job).planes.color, &judge);
             assert_eq!((faces.stats.out_of_order, faces.stats.broken_paths), (0, 0), "{name}, {seed}");
             // A pixel further to the side is another one.
             if judge.pixels.iter().all(|p| p[3] > 0.1) {

@@ -111,6 +111,7 @@ fn paths(job: &RenderJob) -> Vec<(&'static str, Frame)> {
         ("faces, nothing left out", havs(&with_all_faces(&no_skipping))),
         ("faces, k = 2", havs(&with_buffer(&with_all_faces(job), 2, false))),
         ("outer faces", havs(&with_some_faces(job, 0.0, 1))),
+        ("points", points(job)),
         ("reference", render(Box::new(Reference::new()), job)),
     ]
 }
@@ -186,7 +187,7 @@ fn quads_lie_before_in_between_and_behind_cells_and_where_there_are_none() {
     for projection in [PARALLEL, NARROW] {
         for taus in [[0.7, 1.3], [0.0, 1.3], [0.7, 0.0]] {
             let [quads, cells] = check("everywhere", 4.0, projection, 0.0, taus, &quads_at(&everywhere));
-            assert!(quads == 8 * SIZE * SIZE && cells > quads / 2, "{quads} {cells}");
+            assert!(quads == 9 * SIZE * SIZE && cells > quads / 2, "{quads} {cells}");
             for (name, depth) in [("before", 2.5), ("in the first", 3.4), ("in the gap", 4.0), ("behind", 9.0)] {
                 // A corner of the image: most tiles and pixels have none.
                 let corner = Quad { columns: 4..13, rows: 7..30, depth, rgba: [0.1, 0.2, 0.3, 0.4] };

@@ -31,10 +31,12 @@ use tetreel::camera::{Camera, Projection};
 use tetreel::image::RgbaImage;
 use tetreel::mesh::Mesh;
 use tetreel::node_table::{Node, NodeTable};
+use tetreel::render::cpu::points::Points;
 use tetreel::render::cpu::raycast::Raycast;
+use tetreel::render::points::{PointScene, PointStyle};
 use tetreel::render::reference::Reference;
-use tetreel::render::{RenderJob, Renderer};
-use tetreel::visibility::finite_cells;
+use tetreel::render::{Frame, RenderJob, Renderer};
+use tetreel::visibility::{Drawn, Selection, finite_cells};
 
 pub fn table(nodes: &[(f64, [f64; 3], f64)]) -> NodeTable {
     NodeTable::new(nodes.iter().map(|&(scalar, rgb, tau)| Node { scalar, rgb, tau }).collect()).unwrap()
@@ -70,6 +72,18 @@ pub fn job(mesh: &Arc<Mesh>, scalars: Vec<f32>, camera: &Camera, size: (usize, u
 
 pub fn raycast(job: &RenderJob) -> RgbaImage {
     Raycast::new().render(job.clone()).unwrap().planes.color.clone()
+}
+
+/// The job with all of its active cells as points.
+pub fn with_points(job: &RenderJob, style: PointStyle) -> RenderJob {
+    let mut cells = Drawn::default();
+    cells.list(&Selection { ids: (*job.active).clone(), is_complete: true }, &mut Vec::new());
+    RenderJob { points: Some(PointScene { cells: Arc::new(cells), style }), ..job.clone() }
+}
+
+/// The frame of a job by its cells as exact points.
+pub fn points(job: &RenderJob) -> Frame {
+    Points::new().render(with_points(job, PointStyle::EXACT)).unwrap().clone()
 }
 
 pub fn reference(job: &RenderJob) -> RgbaImage {

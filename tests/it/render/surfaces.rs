@@ -48,6 +48,7 @@ pub(super) fn planes(path: &str, job: &RenderJob) -> Planes {
         "raycast" => Raycast::new().render(job.clone()).unwrap().planes.clone(),
         "portable" => Raycast::portable().render(job.clone()).unwrap().planes.clone(),
         "faces" => havs(&with_all_faces(job)).planes,
+        "points" => points(job).planes,
         #[cfg(feature = "gpu")]
         "walk on the GPU" => gpu::render(job).unwrap().planes,
         #[cfg(feature = "gpu")]
@@ -58,7 +59,7 @@ pub(super) fn planes(path: &str, job: &RenderJob) -> Planes {
 
 /// The renderers that there are on this machine beside the judge; the last two on its GPU.
 pub(super) fn paths() -> Vec<&'static str> {
-    let on_cpu = ["raycast", "portable", "faces"];
+    let on_cpu = ["raycast", "portable", "faces", "points"];
     #[cfg(feature = "gpu")]
     if gpu::context().is_some() {
         return [&on_cpu[..], &["walk on the GPU", "faces on the GPU"]].concat();

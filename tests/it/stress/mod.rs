@@ -1,7 +1,7 @@
 //! Scenes on which renderers go wrong, each drawn on every path and judged by the reference.
 //!
-//! A [`Case`] is a mesh, a field, a transfer function and cameras. [`Case::run`] draws it by the ray caster and by faces in exact
-//! order (buffers of 2 and 8), on the CPU and where there is a GPU on it, compares with the reference, prints what it measured
+//! A [`Case`] is a mesh, a field, a transfer function and cameras. [`Case::run`] draws it by the ray caster, by faces in exact
+//! order (buffers of 2 and 8) and by cells as points on the CPU and where there is a GPU on it, compares with the reference, prints what it measured
 //! (`cargo test stress -- --nocapture`), and shows that the comparison notices a lost cell, an exchanged pair of scalars or a
 //! moved vertex on each of those paths.
 //!
@@ -27,7 +27,7 @@ mod tables;
 mod watertight;
 
 use crate::render::havs::{havs, with_all_faces, with_buffer};
-use crate::render::{BOUND_MAX, BOUND_RMSE, camera, dense, job, table, wave};
+use crate::render::{BOUND_MAX, BOUND_RMSE, camera, dense, job, points, table, wave};
 use std::sync::Arc;
 use tetreel::camera::{Camera, Projection};
 use tetreel::image::RgbaImage;
@@ -80,6 +80,7 @@ pub fn paths() -> Vec<Path> {
         cpu("raycast", |job| Some(Raycast::new().render(job.clone()).unwrap().clone())),
         cpu("havs, k 2", |job| Some(havs(&faces(job, 2)))),
         cpu("havs, k 8", |job| Some(havs(&faces(job, 8)))),
+        cpu("points", |job| Some(points(job))),
     ];
     #[cfg(feature = "gpu")]
     {
