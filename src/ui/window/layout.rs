@@ -3,6 +3,7 @@
 use super::blit::Backdrop;
 use super::overlay::Overlays;
 use super::painted::Painted;
+use super::screen::Screen;
 use super::welcome::Wish;
 use super::{PlayerWindow, beside, input, popups, side, timeline, viewport, widgets};
 use crate::ui::views::{Ticked, ViewAction, Views};
@@ -130,7 +131,8 @@ impl PlayerWindow {
                 ctx.request_repaint();
             }
         }
-        if active || beside {
+        // A picture that is being made wakes the window when it is there: until then there is nothing new to paint.
+        if (active || beside) && self.screens.iter().all(Screen::is_up_to_date) {
             ctx.request_repaint();
         }
         if let Some(wait) = wait {
