@@ -98,7 +98,7 @@ fn the_tour() {
     desk.click("Colour map");
     desk.settle();
     desk.click("inferno");
-    desk.harness.hover_at(egui::pos2(5.0, 300.0));
+    desk.harness.hover_at(egui::pos2(5.0, 795.0));
     desk.settle();
     shot(&mut desk, "guide_views");
 }
