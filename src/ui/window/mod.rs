@@ -1,4 +1,4 @@
-//! The window: shows a [`Session`], and turns user input into [`Action`]s.
+//! The window: shows a [`Session`], and turns user input into [`Action`](super::Action)s.
 
 mod axes;
 mod beside;
