@@ -1,5 +1,7 @@
 //! What the tests of the player window have in common.
 
+// rustdoc looks whether a window may change its thread, through all types of wgpu.
+#![recursion_limit = "256"]
 #![cfg(feature = "gui")]
 
 pub mod desk;
