@@ -170,7 +170,7 @@ fn show_pictures(
     let room = ui.available_rect_before_wrap();
     let active = views.active();
     let Some(other) = views.beside() else {
-        let place = viewport::show(ui, active, painted[0], overlays, actions);
+        let place = viewport::show(ui, active, painted[0], overlays, actions).rect;
         return Pictures { places: [place; 2], beside: Vec::new() };
     };
     if views.shows_difference() {
@@ -188,7 +188,8 @@ fn show_pictures(
         let mut found = Vec::new();
         let is_active = index == own;
         let session = if is_active { active } else { other };
-        *place = viewport::show(&mut part, session, painted[index], overlays, &mut found);
+        let response = viewport::show(&mut part, session, painted[index], overlays, &mut found);
+        *place = response.rect;
         if is_active {
             let stroke = Stroke::new(GAP, ui.visuals().selection.bg_fill);
             part.painter().rect_stroke(*place, 0.0, stroke, StrokeKind::Inside);
@@ -197,9 +198,8 @@ fn show_pictures(
             let (pointing, used): (Vec<_>, Vec<_>) =
                 found.into_iter().partition(|action| matches!(action, Action::PointAt(_)));
             of_other.extend(pointing);
-            let is_pressed = ui.input(|input| {
-                input.pointer.any_pressed() && input.pointer.interact_pos().is_some_and(|at| place.contains(at))
-            });
+            // Not through what lies over the picture.
+            let is_pressed = response.is_pointer_button_down_on();
             if is_pressed || !used.is_empty() {
                 *has_turned = true;
                 actions.push(Action::View(ViewAction::Turn));

@@ -9,14 +9,14 @@ use egui::emath::GuiRounding;
 use egui::{Pos2, Rect, Role, Sense, Ui, WidgetInfo, vec2};
 use glam::DVec2;
 
-/// Shows the overlays in the rest of `ui`, and returns the picture's rectangle.
+/// Shows the overlays in the rest of `ui`; what it returns has the picture's rectangle.
 pub(super) fn show(
     ui: &mut Ui,
     session: &Session,
     painted: Option<Painted>,
     overlays: overlay::Overlays,
     actions: &mut Vec<Action>,
-) -> Rect {
+) -> egui::Response {
     let pixels_per_point = ui.pixels_per_point();
     let rect = ui.available_rect_before_wrap().round_to_pixels(pixels_per_point);
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
@@ -32,7 +32,7 @@ pub(super) fn show(
         }
     }
     response.widget_info(|| WidgetInfo::labeled(Role::Image, true, overlay::description(session, painted)));
-    rect
+    response
 }
 
 /// Rectangle of an image of this size: the view angle is vertical, so heights fit; the sides are cut off or leave room, except for a

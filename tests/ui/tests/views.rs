@@ -77,6 +77,15 @@ fn two_views_stand_side_by_side_and_the_one_that_is_clicked_is_edited() {
     desk.press(Key::T);
     desk.settle();
     assert_eq!(views(&desk).place(), 0);
+    // A press on what lies over the other picture is none in it.
+    desk.press(Key::H);
+    desk.settle();
+    let over = desk.place_of("ten steps back or on").center();
+    assert!(right.contains(over), "the help lies over it");
+    click_at(&mut desk, over);
+    assert_eq!(views(&desk).place(), 0);
+    desk.press(Key::H);
+    desk.settle();
     // A drag in either turns both, and makes it active.
     let before = both(&desk).map(|session| session.camera());
     desk.drag(right.center(), right.center() + vec2(40.0, 10.0));
