@@ -3,7 +3,7 @@
 use crate::baseline::{BAND, Baseline, Change, Counts, Tools, compare};
 use crate::table::{grouped, print, row};
 use crate::tools::{baseline_path, tools};
-use crate::{RENEW, Trouble, Verdict, kernels, parent};
+use crate::{Failures, RENEW, Trouble, Verdict, kernels, parent};
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -14,7 +14,7 @@ use std::time::Instant;
 const COUNTED: &str = "*counted_by_callgrind*";
 
 /// Counts, and compares with the baseline, or with the parent commit if the tools differ from the baseline's.
-pub fn gate() -> Verdict {
+pub fn gate() -> Failures {
     let tools = tools()?;
     let baseline = committed()?;
     let Some(other) = baseline.other_tools(&tools) else {
@@ -41,10 +41,10 @@ pub fn print_json() -> Verdict {
     Ok(true)
 }
 
-/// Prints counts beside older ones; returns whether all are within the band.
-pub fn judge(old: &Counts, new: &Counts, of: &str) -> bool {
+/// Prints counts beside older ones; returns those that are not within the band.
+pub fn judge(old: &Counts, new: &Counts, of: &str) -> Vec<String> {
     let mut rows = vec![row(["kernel", of, "instructions", "change", "verdict"])];
-    let mut worst = None;
+    let (mut worst, mut failures) = (None, Vec::new());
     for (name, &count) in new {
         let before = old.get(name).copied();
         let (more, change) = compare(before, count);
@@ -63,6 +63,9 @@ pub fn judge(old: &Counts, new: &Counts, of: &str) -> bool {
             Some(before) => (grouped(before), format!("{:+.2} %", 100.0 * more)),
             None => ("-".to_owned(), "-".to_owned()),
         };
+        if !matches!(change, Change::Same | Change::New) {
+            failures.push(format!("{name} takes {} instructions, {more} ({verdict})", grouped(count)));
+        }
         rows.push(row([name, &before, &grouped(count), &more, verdict]));
     }
     print(&rows);
@@ -76,7 +79,7 @@ pub fn judge(old: &Counts, new: &Counts, of: &str) -> bool {
             println!("counts: kernels take over {band} % fewer instructions than before. So that this stays: {RENEW}")
         }
     }
-    worst.is_none()
+    failures
 }
 
 /// Counts all kernels, one per processor at a time; if `slowed`, each with its own place slowed down.

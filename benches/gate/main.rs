@@ -38,6 +38,9 @@ impl<E: std::fmt::Display> From<E> for Trouble {
 /// Whether the gate passes, or why it has no verdict.
 pub type Verdict = Result<bool, Trouble>;
 
+/// Checks that failed, a line each; none if the gate passes. Or why it has no verdict.
+pub type Failures = Result<Vec<String>, Trouble>;
+
 /// The command that renews the baseline.
 pub const RENEW: &str = "cargo bench --bench gate -- renew \"REASON\"";
 
@@ -49,9 +52,9 @@ fn main() -> ExitCode {
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let verdict = match words[..] {
         [] => both(),
-        ["counts"] => counts::gate(),
+        ["counts"] => counts::gate().map(said),
         ["counts", "--json"] => counts::print_json(),
-        ["ratios"] => ratios::gate(),
+        ["ratios"] => ratios::gate().map(said),
         ["renew"] => renew::renew(None),
         ["renew", reason] => renew::renew(Some(reason)),
         ["prove"] => prove::prove(),
@@ -73,5 +76,11 @@ fn main() -> ExitCode {
 /// Runs counts, then ratios, even if the counts have changed.
 fn both() -> Verdict {
     let counts = counts::gate()?;
-    Ok(ratios::gate()? && counts)
+    Ok(said([counts, ratios::gate()?].concat()))
+}
+
+/// Repeats what failed at the end of the output, below the tables; returns whether nothing did.
+fn said(failures: Vec<String>) -> bool {
+    failures.iter().for_each(|failure| println!("gate: {failure}"));
+    failures.is_empty()
 }

@@ -7,7 +7,7 @@ mod frames;
 mod renderers;
 
 use crate::table::{print, row};
-use crate::{Trouble, Verdict};
+use crate::{Failures, Trouble, Verdict};
 use std::error::Error;
 use std::process::Command;
 use std::time::Instant;
@@ -61,7 +61,8 @@ const RATIOS: [Ratio; 12] = [
     Ratio {
         name: "decode_lanes",
         what: "a step of codec vq / a plain loop",
-        here: 0.37,
+        // Measured: 0.34 to 0.45, and 0.49 on a Xeon with AMX.
+        here: 0.49,
         of_vectors: true,
         threads: false,
         measure: data::decode_lanes,
@@ -77,7 +78,8 @@ const RATIOS: [Ratio; 12] = [
     Ratio {
         name: "few_faces",
         what: "10 % of the inner faces / all",
-        here: 0.25,
+        // Measured: 0.25, and 0.31 on a Xeon with AMX.
+        here: 0.31,
         of_vectors: false,
         threads: false,
         measure: renderers::few_faces,
@@ -125,8 +127,8 @@ const RATIOS: [Ratio; 12] = [
     },
     Ratio {
         name: "import",
-        what: "import of .vtu files / cat",
-        here: 11.0,
+        what: "import of .vtu files / a hash of their bytes",
+        here: 1.9,
         of_vectors: false,
         threads: true,
         measure: data::import,
@@ -156,22 +158,28 @@ fn has_avx512() -> bool {
     false
 }
 
-/// Measures all ratios; returns whether all are within their limits.
-pub fn gate() -> Verdict {
+/// Measures all ratios; returns those beyond their limits.
+pub fn gate() -> Failures {
     let started = Instant::now();
     let mut rows = vec![row(["ratio", "here", "limit", "value", "verdict", "what"])];
-    let mut all = true;
+    let mut failures = Vec::new();
     for ratio in &RATIOS {
         let (value, verdict) = judged(ratio)?;
-        all &= verdict != SLOWER;
         let [here, limit, value] = [ratio.here, ratio.limit(), value].map(|number| format!("{number:.3}"));
+        if verdict == SLOWER {
+            failures.push(format!("{} is {value}, beyond {limit} ({})", ratio.name, ratio.what));
+        }
         rows.push(row([ratio.name, &here, &limit, &value, verdict, ratio.what]));
     }
     print(&rows);
-    let all_said = if all { "none is beyond its limit" } else { "something has become slower beside something else" };
+    let all_said = if failures.is_empty() {
+        "none is beyond its limit"
+    } else {
+        "something has become slower beside something else"
+    };
     println!("ratios: {all_said}");
     eprintln!("ratios taken in {:.0} s", started.elapsed().as_secs_f64());
-    Ok(all)
+    Ok(failures)
 }
 
 const SLOWER: &str = "SLOWER";
@@ -203,7 +211,7 @@ pub fn once(name: &str) -> Verdict {
 
 /// Shows that each ratio is within its limit, and beyond it if slowed down.
 pub fn prove() -> Verdict {
-    let mut all = gate()?;
+    let mut all = gate()?.is_empty();
     let mut rows = vec![row(["ratio", "limit", "slowed down", "verdict"])];
     for ratio in &RATIOS {
         let mut command = Command::new(std::env::current_exe()?);
