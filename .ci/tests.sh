@@ -92,7 +92,7 @@ simd_under_valgrind() {
     library=$(cargo test --lib --test it --no-run 2>&1 | sed -n 's/.*unittests src\/lib.rs (\(.*\/tetreel-[0-9a-f]*\))$/\1/p')
     # One thread: valgrind runs one at a time anyway.
     RAYON_NUM_THREADS=1 valgrind --quiet --error-exitcode=9 "$library" --test-threads 1 \
-        codec::vq::block:: codec::vq::pca:: raycast::lanes:: raycast::starts::tests::the_comparison
+        codec::vq::block:: codec::vq::pca:: cpu::lanes:: raycast::starts::tests::the_comparison
 }
 
 # The tests of the window, named one by one: with --package all that they are built on would be built again, with the features that

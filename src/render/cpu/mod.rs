@@ -1,6 +1,8 @@
 //! Renderers on the CPU.
 
 pub mod havs;
+#[cfg(target_arch = "x86_64")]
+mod lanes;
 pub mod layers;
 mod light;
 mod place;

@@ -238,3 +238,64 @@ fn the_comparison_notices_rays_that_are_off_by_a_tenth_of_a_pixel() {
     let other = scenes().iter().filter(notices).count();
     assert!(other > 50, "{other} scenes");
 }
+
+#[test]
+#[cfg(target_arch = "x86_64")]
+fn entries_of_eight_paths_have_the_bits_of_one() {
+    use super::super::lanes::{EntryBits, entries_of};
+    use super::super::{path, walk};
+    let mut random = SplitMix64::new(11);
+    let (mut compared, mut turned) = (0, 0);
+    for scene in scenes() {
+        let mut prepared = scene.prepare();
+        // Some vertices have no finite scalar: the order of corners is then that of the face.
+        let scalar = |_| if random.unit() < 0.1 { f32::NAN } else { random.unit() as f32 };
+        let scalars: Vec<f32> = (0..prepared.vertices.len()).map(scalar).collect();
+        prepared.vertices.iter_mut().zip(&scalars).for_each(|(vertex, &s)| vertex.s = f64::from(s));
+        let found = scene.found(&prepared, false, &mut StartScratch::default());
+        let (mesh, view, scalars) = (&*scene.mesh, &scene.view, Arc::new(scalars).into());
+        let Prepared { vertices, bins, eye_cells } = &prepared;
+        let entries = Entries { topology: &mesh.topology, view, vertices, bins, eye_cells, portable: false };
+        let plane = RayPlane::of_view(view);
+        let scene = walk::Scene {
+            mesh,
+            active: &scene.active,
+            all_active: false,
+            view,
+            plane,
+            medium: &(),
+            vertices,
+            scalars: &scalars,
+            entries,
+            domain: None,
+            early_termination: true,
+        };
+        for (tile, starts) in found.iter().enumerate() {
+            let rect = plane.grid.rect(tile);
+            let one_by_one = starts.iter().map(|&(pixel, Start { cell, opposite, .. })| -> Option<EntryBits> {
+                let ray = plane.ray(rect, pixel as usize);
+                let (ids, Crossing { corners, edges, point }) = path::enter(&scene, &ray, cell, opposite)?;
+                turned += u32::from(ids != face_of(&mesh.topology, cell, opposite as usize).vertices);
+                let of_corners = [
+                    corners.map(|corner| corner.x),
+                    corners.map(|corner| corner.y),
+                    corners.map(|corner| corner.w),
+                    corners.map(|corner| corner.s),
+                    corners.map(|corner| corner.reach()),
+                    edges,
+                ];
+                let of_ray = [ray.line.px, ray.line.py, point.depth, point.scalar];
+                let numbers = of_corners.into_iter().flatten().chain(of_ray).map(f64::to_bits).collect();
+                Some((ids, cell << 2 | opposite, numbers))
+            });
+            let one_by_one: Vec<_> = one_by_one.collect();
+            let of_eight = entries_of(&scene, rect, starts);
+            if !of_eight.is_empty() {
+                assert_eq!(of_eight, one_by_one);
+                compared += starts.len();
+            }
+        }
+    }
+    // Without vectors there is nothing to compare.
+    assert!(matches!(Arch::new(), Arch::Scalar) || compared > 50_000 && turned > 5000, "{compared}, {turned} turned");
+}

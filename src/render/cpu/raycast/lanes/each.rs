@@ -2,9 +2,9 @@
 
 use super::super::super::super::layers::NothingAhead;
 use super::super::super::super::medium::{Medium, RayLine, Segment};
+use super::super::super::lanes::rows::{Lights, Out, Rows};
+use super::super::super::lanes::vector::LANES;
 use super::super::super::light::RayLight;
-use super::rows::{Lights, Out, Rows};
-use super::vector::LANES;
 use crate::optics::Accumulator;
 
 pub(super) struct EachLight<'a, M: Medium> {

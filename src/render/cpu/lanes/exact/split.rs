@@ -1,6 +1,6 @@
 //! Splits segments of eight rays at the nodes of the transfer function.
 
-use super::super::super::super::super::medium::{RayLine, Segment};
+use super::super::super::super::medium::{RayLine, Segment};
 use super::super::rows::{Out, Rows};
 use super::super::vector::{LANES, Lanes};
 use super::intervals::InRegisters;

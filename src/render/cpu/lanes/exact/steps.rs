@@ -1,6 +1,6 @@
 //! Steps of eight rays: queued pieces, weighed side by side and composited one after the other.
 
-use super::super::super::super::super::medium::first_visible;
+use super::super::super::super::medium::first_visible;
 use super::super::rows::{Lights, Out, Rows};
 use super::super::vector::{LANES, Lanes};
 use super::{EightF32, ExactLights};

@@ -6,13 +6,13 @@ use pulp::{NullaryFnOnce, cast};
 use std::arch::x86_64::{__m128, __m256, __m256d, __m256i, __m512d, __m512i, _CMP_LT_OQ};
 
 /// Rays walked side by side.
-pub(super) const LANES: usize = 8;
+pub(in crate::render::cpu) const LANES: usize = 8;
 
 /// One f64 per lane.
-pub(super) type Eight = [f64; LANES];
+pub(in crate::render::cpu) type Eight = [f64; LANES];
 
 /// A processor's vectors of eight numbers.
-pub(in super::super) trait Lanes: Copy {
+pub(in crate::render::cpu) trait Lanes: Copy {
     /// Eight f64.
     type F: Copy;
     /// One flag per lane.

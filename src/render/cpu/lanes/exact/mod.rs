@@ -14,7 +14,7 @@
 //!     at the end of a row: opaque lanes take no more light
 //! ```
 //!
-//! Every operation is one of [`RayLight`](super::super::super::light::RayLight) and [`ExactTable`], on the same numbers. Pieces of no
+//! Every operation is one of [`RayLight`](super::super::light::RayLight) and [`ExactTable`], on the same numbers. Pieces of no
 //! optical depth have no weight: a lane without a piece is one with such a piece. An opaque ray is one with no
 //! transmittance left.
 //!
@@ -42,8 +42,8 @@ mod split;
 mod steps;
 mod whole;
 
-use super::super::super::super::medium::RayLine;
-use super::super::super::tiles::TilePixel;
+use super::super::super::medium::RayLine;
+use super::super::tiles::TilePixel;
 use super::rows::{Lights, Out, Rows};
 use super::vector::{Eight, LANES, Lanes};
 use crate::optics::exact::ExactTable;
@@ -55,14 +55,14 @@ type EightF32 = [f32; LANES];
 
 /// State shared by all rays.
 #[derive(Clone, Copy)]
-pub(super) struct Optics<'a, L> {
-    pub(super) lanes: L,
-    pub(super) table: &'a ExactTable,
+pub(in crate::render::cpu) struct Optics<'a, L> {
+    pub(in crate::render::cpu) lanes: L,
+    pub(in crate::render::cpu) table: &'a ExactTable,
 }
 
 /// The light of eight rays.
 #[repr(C, align(64))]
-pub(super) struct ExactLights<'a, L> {
+pub(in crate::render::cpu) struct ExactLights<'a, L> {
     optics: Optics<'a, L>,
     intervals: Intervals<Eight, EightF32>,
     /// Indices of these intervals in the table.
@@ -92,7 +92,7 @@ pub(super) struct ExactLights<'a, L> {
 }
 
 impl<'a, L: Lanes> ExactLights<'a, L> {
-    pub(super) fn new(optics: Optics<'a, L>, near_distance: f64) -> Self {
+    pub(in crate::render::cpu) fn new(optics: Optics<'a, L>, near_distance: f64) -> Self {
         let zero = [0.0; LANES];
         // An empty interval.
         let intervals = Intervals {
