@@ -1,12 +1,9 @@
-// Paints the lowest layer of the window: the picture of a step, the background around it in the viewport, and the colour of the
-// panels outside. The picture is premultiplied and composited over the background.
+// Paints the picture of a step and the background around it in the viewport. The picture is premultiplied and composited over
+// the background.
 
-// Colours are display-referred. `window` and `viewport` are upper left and lower right corners in coordinates of the picture,
-// 0 to 1.
+// Colours are display-referred. `viewport` has the upper left and the lower right corner in coordinates of the picture, 0 to 1.
 struct Place {
     background: vec4<f32>,
-    panels: vec4<f32>,
-    window: vec4<f32>,
     viewport: vec4<f32>,
 }
 
@@ -22,13 +19,13 @@ struct Corner {
     @location(0) at: vec2<f32>,
 }
 
-// One triangle that covers the window.
+// One triangle that covers the viewport.
 @vertex
 fn corner_at(@builtin(vertex_index) i: u32) -> Corner {
     let share = vec2(f32(2u * (i & 1u)), f32(i & 2u));
     return Corner(
         vec4(2.0 * share.x - 1.0, 1.0 - 2.0 * share.y, 0.0, 1.0),
-        mix(place.window.xy, place.window.zw, share),
+        mix(place.viewport.xy, place.viewport.zw, share),
     );
 }
 
@@ -41,8 +38,7 @@ fn picture(corner: Corner) -> @location(0) vec4<f32> {
     let light = textureSampleLevel(color, smooth_sampler, corner.at, 0.0);
     let over = light.rgb + (1.0 - light.a) * place.background.rgb;
     let in_picture = all(corner.at >= vec2(0.0)) && all(corner.at <= vec2(1.0));
-    let in_viewport = all(corner.at >= place.viewport.xy) && all(corner.at <= place.viewport.zw);
-    let shown = select(place.panels.rgb, select(place.background.rgb, over, in_picture), in_viewport);
+    let shown = select(place.background.rgb, over, in_picture);
     if LINEAR {
         return vec4(linear(clamp(shown, vec3(0.0), vec3(1.0))), 1.0);
     }

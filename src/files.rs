@@ -13,13 +13,21 @@ use std::fs::{self, File};
 use std::io::Write;
 use std::path::Path;
 
+/// The remedy where the system writes no file: the folder is read-only, or the disk is full.
+pub const PLACE_REMEDY: &str = "choose a folder that you may write to, with room on its disk";
+
+/// The error of the operating system when a file is written, with the failed action and the remedy.
+pub fn cannot_write(path: &Path, action: &str, source: &std::io::Error) -> FileError {
+    FileError::io(path, action, source).remedy(PLACE_REMEDY)
+}
+
 /// Writes `path` through a temporary sibling, which is then renamed: readers see the old file or the new one, and a failure leaves the old
 /// one.
 ///
 /// # Errors
 /// If the folder is not writable, or `write` fails.
 pub fn replace(path: &Path, write: impl FnOnce(&mut File) -> FileResult<()>) -> FileResult<()> {
-    let io = |e: std::io::Error| FileError::io(path, "write", &e);
+    let io = |e: std::io::Error| cannot_write(path, "write", &e);
     let mut sibling = sibling_file(path)?;
     write(sibling.as_file_mut())?;
     sibling.as_file_mut().flush().map_err(io)?;
@@ -44,7 +52,7 @@ pub fn sibling_file(path: &Path) -> FileResult<tempfile::NamedTempFile> {
     builder.prefix(leftovers::PREFIX).suffix(&suffix);
     readable(&mut builder, 0o666);
     loop {
-        let file = builder.tempfile_in(parent_of(path)).map_err(|e| FileError::io(path, "write", &e))?;
+        let file = builder.tempfile_in(parent_of(path)).map_err(|e| cannot_write(path, "write", &e))?;
         if leftovers::mark_as_live(&file) {
             return Ok(file);
         }
@@ -77,7 +85,7 @@ pub fn check_place(path: &Path) -> FileResult<()> {
         return Err(FileError::invalid(path, "", "is a folder").remedy("choose another name"));
     }
     if parent.is_dir() {
-        return tempfile::tempfile_in(parent).map(|_| ()).map_err(|e| FileError::io(path, "write", &e));
+        return tempfile::tempfile_in(parent).map(|_| ()).map_err(|e| cannot_write(path, "write", &e));
     }
     Err(FileError::invalid(parent, "", "is not a folder").remedy("create it first"))
 }
@@ -160,7 +168,7 @@ fn readable(builder: &mut tempfile::Builder<'_, '_>, mode: u32) {
 /// # Errors
 /// If the folder is not writable.
 pub fn replace_with(path: &Path, bytes: &[u8]) -> FileResult<()> {
-    replace(path, |file| file.write_all(bytes).map_err(|e| FileError::io(path, "write", &e)))
+    replace(path, |file| file.write_all(bytes).map_err(|e| cannot_write(path, "write", &e)))
 }
 
 /// The string of these bytes, parts of names ([`OsStr::as_encoded_bytes`]); `None` where the system cannot tell.

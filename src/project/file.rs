@@ -69,7 +69,7 @@ impl Project {
         let write = |file: &mut std::fs::File| {
             file.write_all(text.as_bytes())
                 .and_then(|()| file.sync_all())
-                .map_err(|e| FileError::io(path, "write the project", &e))
+                .map_err(|e| files::cannot_write(path, "write the project", &e))
         };
         Ok(files::replace(path, write)?)
     }

@@ -1,5 +1,6 @@
 //! User actions, as plain data.
 
+use super::camera_history::CameraTurn;
 use super::exporting::ExportAction;
 use crate::camera::Axis;
 use crate::field::FieldSelector;
@@ -65,6 +66,8 @@ pub enum Action {
     },
     /// Switches between parallel and perspective projection.
     OtherProjection,
+    /// Returns to the camera before the last movement, or to the one that was left by that.
+    TurnCamera(CameraTurn),
     /// Looks through the named camera of this index, from 0.
     GoToCamera(usize),
     /// Shows ensembles of the project, or those of its timeline again and with them its levels of detail and optics.

@@ -1,8 +1,8 @@
 //! What a window shows, as a project, and the way back from changes.
 //!
 //! A window always shows a project. One that was opened without a file has an ensemble of one member: the look's transfer function. Every
-//! change is a new state; the states before it are kept whole, so that undoing gives back exactly what was there. The camera, the device
-//! and the playback are no part of a state: they stay as they are.
+//! change is a new state; the states before it are kept whole, so that undoing gives back exactly what was there. The device and
+//! the playback are no part of a state: they stay as they are. The camera has a history of its own (`camera_history`).
 
 use crate::look::{EnsembleChoice, Followed, Look};
 use crate::optics::OpticsKind;
@@ -105,10 +105,11 @@ impl Document {
         self.project = Arc::new(project);
     }
 
-    /// Records that there was a change since `before`, if there was one. Changes of one gesture, such as a drag, are undone together.
-    pub(super) fn record(&mut self, before: State, look: &Look, gesture: Option<u64>) {
+    /// Records that there was a change since `before`, and returns whether there was one. Changes of one gesture, such as a drag, are undone
+    /// together.
+    pub(super) fn record(&mut self, before: State, look: &Look, gesture: Option<u64>) -> bool {
         if before.is_same(&self.state(look)) {
-            return;
+            return false;
         }
         self.redo.clear();
         if gesture.is_none() || self.gesture != gesture {
@@ -118,6 +119,7 @@ impl Document {
             self.undo.push_back(before);
         }
         self.gesture = gesture;
+        true
     }
 
     /// The project of the state that a turn leads to; `None`: there is none.

@@ -3,8 +3,10 @@
 use super::Action;
 use super::desk::{Desk, LONG, slow, store};
 use crate::camera::Camera;
-use crate::pipeline::Series;
+use crate::pipeline::{RenderMode, Series};
+use crate::playback::Command;
 use crate::playback::quality::Quality;
+use crate::transfer::RangePolicy;
 use glam::DVec2;
 use std::path::Path;
 use std::sync::Arc;
@@ -60,4 +62,67 @@ fn while_a_hand_drags_no_frame_is_older_than_the_input_by_more_than_two_frames()
     desk.later(1000);
     desk.settle();
     assert_eq!((desk.shown().quality, desk.shown().request.camera), (Quality::Exact, desk.session.look().camera));
+}
+
+/// A session on a machine where a frame in full takes four times what the target rate allows.
+fn slow_desk() -> Desk {
+    let mut desk = Desk::open();
+    desk.settle();
+    desk.act(Action::TargetRate(Some(25.0)));
+    slow(&mut desk, 160.0);
+    desk
+}
+
+/// Waits until nothing moves any more: the picture is in full then.
+fn rest(desk: &mut Desk) {
+    assert_ne!(desk.shown().quality, Quality::Exact);
+    let (_, wait) = desk.session.tick(desk.now);
+    desk.now += wait.expect("to be called when nothing moves");
+    assert!(desk.settle() > 0);
+    assert_eq!((desk.shown().quality, desk.session.lacks()), (Quality::Exact, None));
+}
+
+#[test]
+fn while_a_handle_is_dragged_less_is_drawn_if_it_is_slow_and_all_of_it_afterwards() {
+    let mut desk = slow_desk();
+    desk.session.hold(true);
+    for to in [2.0, 2.5, 3.0] {
+        let exact_ms = desk.session.quality.exact_ms();
+        desk.act(Action::Range(RangePolicy::Manual(0.0, to)));
+        let _ = desk.session.tick(desk.now);
+        assert_eq!(desk.session.quality.exact_ms(), exact_ms, "costs are those of the last table, as a first guess");
+        desk.settle();
+        assert_ne!(desk.shown().quality, Quality::Exact);
+        desk.later(50);
+    }
+    desk.session.hold(false);
+    rest(&mut desk);
+    // A change that is no gesture, such as by a key, may be of anything: it is drawn in full.
+    desk.act(Action::Range(RangePolicy::Manual(0.0, 1.5)));
+    desk.settle();
+    assert_eq!(desk.shown().quality, Quality::Exact);
+}
+
+#[test]
+fn another_renderer_by_a_click_has_costs_of_its_own() {
+    let mut desk = slow_desk();
+    desk.session.quality.measured(Quality::Scaled(0.5), 60.0);
+    let exact_ms = desk.session.quality.exact_ms();
+    // A click is a gesture, too.
+    desk.session.hold(true);
+    desk.act(Action::Renderer(RenderMode::Raycast));
+    let _ = desk.session.tick(desk.now);
+    assert_ne!(desk.session.quality.exact_ms(), exact_ms, "all costs but the last one are forgotten");
+}
+
+#[test]
+fn a_step_at_rest_is_a_motion_and_then_in_full() {
+    let mut desk = slow_desk();
+    for step in [2, 1] {
+        desk.act(Action::Play(Command::SeekStep(step)));
+        desk.settle();
+        assert_eq!(desk.step(), step);
+        rest(&mut desk);
+        slow(&mut desk, 160.0);
+    }
 }

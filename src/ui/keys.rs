@@ -1,6 +1,7 @@
 //! The table of keys: actions and help texts.
 
 use super::Action;
+use super::camera_history::CameraTurn;
 use super::exporting::ExportAction;
 use crate::camera::Axis;
 use crate::look::EnsembleChoice;
@@ -61,6 +62,8 @@ pub fn bindings() -> Vec<Binding> {
         shifted("X", along(Axis::X, true), other_side),
         shifted("Y", along(Axis::Y, true), other_side),
         shifted("Z", along(Axis::Z, true), other_side),
+        plain("Backspace", Action::TurnCamera(CameraTurn::Back), "the view before the last movement"),
+        shifted("Backspace", Action::TurnCamera(CameraTurn::On), "on to the view after it"),
         plain("V", Action::OtherProjection, "perspective or parallel"),
         plain("M", Action::NextShown, "volume, isosurfaces, or both"),
         plain("J", Action::MoveIsovalue(-1.0), ISOVALUE_HELP),

@@ -30,6 +30,8 @@
 //!   where the user acts.
 //! - **Painted once for each input.** User actions are applied in the first layout of a pass; a second layout, before painting, shows their
 //!   effect.
+//! - **Painted where it changed** (`window/retained.rs`): a texture keeps the window's pixels, and a pass paints the rectangles whose shapes are
+//!   not those of the last one. A picture that is still the same is the same callback.
 //! - **One device.** The window is painted with the device that frames are rendered on. `FrameRequest::for_window` leaves such a frame
 //!   there: a compute pass (`present.wgsl`) writes the accumulators, still premultiplied, in half precision to a texture that the window's
 //!   own shader (`picture.wgsl`) puts over the background. No pixel passes through the CPU, and another background costs nothing. A texture
@@ -49,6 +51,9 @@
 
 mod action;
 pub mod bars;
+mod camera_history;
+#[cfg(test)]
+mod camera_tests;
 #[cfg(test)]
 pub(crate) mod desk;
 mod document;
@@ -76,6 +81,8 @@ pub mod probe;
 mod project_tests;
 mod project_worker;
 mod requests;
+#[cfg(test)]
+mod saving_tests;
 mod session;
 #[cfg(test)]
 mod session_tests;
@@ -92,6 +99,7 @@ pub mod window;
 mod worker;
 
 pub use action::{Action, FunctionFile};
+pub use camera_history::CameraTurn;
 pub use history::{Cost, HISTORY_FRAMES, History};
 pub use insight::Picked;
 pub use keeper::SettingsKeeper;

@@ -336,6 +336,8 @@ fn a_camera_that_is_turned_leaves_its_path_until_a_key_returns_to_it() {
         desk.later(1000);
         go_to(&mut desk, 0);
         assert_ne!(desk.shown().request.camera, path(&mut animation, 0), "{action:?}");
+        desk.act(Action::TurnCamera(CameraTurn::Back));
+        assert!(desk.session.follows_path(), "{action:?} is taken back: the path goes on");
     }
 }
 

@@ -10,6 +10,7 @@ mod quality;
 mod tick;
 mod tracks;
 
+use super::camera_history::CameraHistory;
 use super::document::Document;
 use super::exporting::Exports;
 use super::following::Follower;
@@ -116,6 +117,7 @@ pub struct Session {
     asked: Option<Asked>,
     home: Camera,
     camera_is_chosen: bool,
+    cameras: CameraHistory,
     /// End of the current motion of the camera.
     moving_until: Option<Duration>,
     /// Inputs of the quality of the last request.
@@ -196,6 +198,7 @@ impl Session {
             previews: requests()?,
             asked: None,
             camera_is_chosen,
+            cameras: CameraHistory::default(),
             moving_until: None,
             drawing: None,
             moved: None,
@@ -363,6 +366,11 @@ impl Session {
     pub fn camera(&self) -> Camera {
         let on_path = self.shown.as_ref().filter(|_| self.follows_path());
         on_path.map_or(self.look.camera, |shown| shown.request.camera)
+    }
+
+    /// Numbers of movements of the camera that can be taken back and made again.
+    pub fn camera_turns(&self) -> [usize; 2] {
+        self.cameras.counts()
     }
 
     /// Whether a result of the project is pending.

@@ -4,6 +4,7 @@ use super::NewPipeline;
 use crate::error::{FileError, FileErrorKind};
 use crate::export::Written;
 use crate::export::run::{Naming, OptionsError, RunError, RunOptions, Target};
+use crate::files;
 use crate::look::Look;
 use crate::pipeline::{Pipeline, PipelinedOptions, Series, give_way};
 use crate::project::Project;
@@ -99,7 +100,7 @@ impl From<RunError> for Failure {
 /// Adds a remedy to an error of the operating system that has none, such as of a full disk.
 fn with_remedy(error: FileError) -> FileError {
     if error.kind == FileErrorKind::Io && error.remedy.is_empty() {
-        return error.remedy("choose a folder that you may write to, with room on its disk");
+        return error.remedy(files::PLACE_REMEDY);
     }
     error
 }

@@ -12,6 +12,7 @@ use crate::transfer::{
     ColorMap, ColorMapEntry, Function, Member, OpacityValues, PositionKind, TransferError, TransferFunction,
     color_maps_to_json,
 };
+use crate::ui::camera_history::{CameraTurn, Motion, Seen};
 use crate::ui::document::Turn;
 use crate::ui::{Action, FunctionFile};
 use std::path::{Path, PathBuf, absolute};
@@ -32,9 +33,41 @@ impl Session {
         }
         let is_change = !matches!(action, Action::Undo | Action::Redo);
         let before = self.document.state(&self.look);
+        let (seen, is_moving) = (self.seen(), self.moving_until.is_some_and(|until| now < until));
+        let motion = self.motion_of(&action);
         self.apply(action, now);
-        if is_change {
-            self.document.record(before, &self.look, self.gesture);
+        let is_changed = is_change && self.document.record(before, &self.look, self.gesture);
+        if is_changed && self.gesture.is_some() {
+            self.move_on(now);
+        }
+        if let Some(motion) = motion {
+            self.cameras.record([seen, self.seen()], motion, is_moving);
+        }
+    }
+
+    /// What a movement of the camera by an action belongs to; `None` for turns of its history.
+    fn motion_of(&self, action: &Action) -> Option<Motion> {
+        match (action, self.gesture) {
+            (Action::TurnCamera(_), _) => None,
+            (_, Some(gesture)) => Some(Motion::Gesture(gesture)),
+            (Action::Zoom { .. }, None) => Some(Motion::Wheel),
+            _ => Some(Motion::Alone),
+        }
+    }
+
+    /// What the view looks through.
+    fn seen(&self) -> Seen {
+        if self.follows_path() { Seen::Path } else { Seen::Through(self.look.camera) }
+    }
+
+    fn turn_camera(&mut self, turn: CameraTurn) {
+        match self.cameras.turn(turn, self.seen()) {
+            None => {}
+            Some(Seen::Path) => self.look.followed.camera = true,
+            Some(Seen::Through(camera)) => {
+                self.look.camera = camera;
+                self.leave(|followed| followed.camera = false);
+            }
         }
     }
 
@@ -69,6 +102,7 @@ impl Session {
                 self.change_camera(|camera| camera.along(axis, from_positive));
             }
             Action::OtherProjection => self.change_camera(Camera::with_other_projection),
+            Action::TurnCamera(turn) => self.turn_camera(turn),
             Action::GoToCamera(index) => {
                 if let Some(camera) = self.project().cameras.get(index).map(|named| named.camera) {
                     self.change_camera(|_| Ok(camera));
@@ -187,7 +221,10 @@ impl Session {
         if let Err(error) = self.player.apply(command, now) {
             self.fail(error.to_string());
         }
-        self.turns += u64::from(self.state().frame != before);
+        if self.state().frame != before {
+            self.turns += 1;
+            self.move_on(now);
+        }
     }
 
     fn change_speed(&mut self, speed: Option<f64>, factor: f64, now: Duration) {
@@ -209,8 +246,13 @@ impl Session {
         if let Ok(camera) = moved(&self.camera()) {
             self.look.camera = camera;
             self.leave(|followed| followed.camera = false);
-            self.moving_until = Some(now.saturating_add(SETTLE));
+            self.move_on(now);
         }
+    }
+
+    /// Something moves until some time after now: frames are drawn at the target rate meanwhile, and in full afterwards.
+    fn move_on(&mut self, now: Duration) {
+        self.moving_until = Some(now.saturating_add(SETTLE));
     }
 
     fn change_camera(&mut self, changed: impl FnOnce(&Camera) -> Result<Camera, CameraError>) {

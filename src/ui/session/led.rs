@@ -37,11 +37,13 @@ impl Session {
         std::mem::take(&mut self.notices)
     }
 
-    /// Goes to the time that `leader` shows or is about to show, and if `is_linked` to its camera. While the leader moves, this session
-    /// counts as moving.
+    /// Goes to the time that `leader` shows, or at rest is about to show, and if `is_linked` to its camera. While the leader moves, this
+    /// session counts as moving.
     pub(in crate::ui) fn led_by(&mut self, leader: &Self, is_linked: bool, now: Duration) {
         let state = leader.state();
-        if let Some(time) = state.frame.map(|frame| frame.time(leader.series().times())) {
+        // A clock that runs may be ahead of the picture already: the step shown would be left out here.
+        let shown = leader.shown().filter(|_| state.playing).map(|shown| shown.request.time);
+        if let Some(time) = shown.or(state.frame).map(|frame| frame.time(leader.series().times())) {
             self.go_to(time, &state.settings, now);
         }
         if is_linked {

@@ -140,8 +140,11 @@ impl Session {
             self.quality.set_view(size.0 * size.1, height);
         }
         let Some(asked) = &self.asked else { return };
+        // A drag changes colours and opacities little by little, and costs with them; another way to draw has costs of its own.
+        let is_dragged = self.gesture.is_some();
         let as_asked = Look { camera: asked.look.camera, ..self.look.clone() };
-        if asked.look != as_asked || !Arc::ptr_eq(&asked.project, self.document.project()) {
+        let is_other_project = !is_dragged && !Arc::ptr_eq(&asked.project, self.document.project());
+        if asked.look != as_asked || is_other_project {
             self.quality.forget();
         }
     }

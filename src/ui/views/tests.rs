@@ -86,22 +86,26 @@ fn both_show_the_same_moment_wherever_the_clock_is_sent() {
 
 #[test]
 fn while_it_plays_no_frame_is_shown_before_the_other_view_has_the_last() {
-    let mut pair = Pair::fake(12);
-    pair.settle();
-    pair.act(Action::Play(Command::Play));
-    let mut seen = Vec::new();
-    wait_for("end", || {
-        pair.now += Duration::from_millis(7);
-        pair.views.tick(pair.now);
-        let steps = pair.steps();
-        if seen.last() != Some(&steps) {
-            seen.push(steps);
+    // On a slow machine the next step is due as soon as one is shown.
+    for ms in [7, 400] {
+        let mut pair = Pair::fake(12);
+        pair.settle();
+        pair.act(Action::Play(Command::Play));
+        let mut seen = Vec::new();
+        wait_for("end", || {
+            pair.now += Duration::from_millis(ms);
+            pair.views.tick(pair.now);
+            let steps = pair.steps();
+            if seen.last() != Some(&steps) {
+                seen.push(steps);
+            }
+            (!pair.views.active().state().playing && steps == [11, 11]).then_some(())
+        });
+        // Either may be the first with a step; the clock goes on when both have it.
+        assert!(seen.iter().all(|[active, beside]| active.abs_diff(*beside) <= 1), "{seen:?}");
+        for step in 0..12 {
+            assert!(seen.iter().any(|steps| steps[1] == step), "{ms} ms: step {step} was left out: {seen:?}");
         }
-        (!pair.views.active().state().playing && steps == [11, 11]).then_some(())
-    });
-    assert!(seen.iter().all(|[active, beside]| active - beside <= 1), "{seen:?}");
-    for step in 0..12 {
-        assert!(seen.iter().any(|steps| steps[1] == step), "step {step} was left out: {seen:?}");
     }
 }
 

@@ -1,8 +1,8 @@
-//! Paints the picture of a step and its surroundings (`shaders/picture.wgsl`).
+//! Paints the picture of a step and the background around it (`shaders/picture.wgsl`).
 //!
-//! The painter of the widgets could do it as well, but its one general shader is costly where a CPU emulates the GPU, and nearly all pixels
-//! of the window are these: this way a window of 1280 x 720 is painted in a third of the time there (25 to 35 ms a pass instead of 83,
-//! llvmpipe on two cores of a Xeon, build for development).
+//! The painter of the widgets could do it as well, but its one general shader is costly where a CPU emulates the GPU, and most pixels of the
+//! window are these: this way a window of 1280 x 720 is painted in a third of the time there (25 to 35 ms a pass instead of 83, llvmpipe on
+//! two cores of a Xeon, build for development).
 
 use eframe::egui;
 use eframe::egui_wgpu::{self, CallbackResources, CallbackTrait, RenderState, ScreenDescriptor, wgpu};
@@ -10,7 +10,7 @@ use egui::{Color32, PaintCallback, PaintCallbackInfo, Rect};
 use std::sync::Arc;
 
 /// The shader's uniforms, in its layout.
-type Place = [[f32; 4]; 4];
+type Place = [[f32; 4]; 2];
 
 /// The pipeline that paints pictures on one device.
 pub(super) struct Blit {
@@ -20,16 +20,13 @@ pub(super) struct Blit {
     place: wgpu::Buffer,
 }
 
-/// The area behind the widgets of a window: rectangles in points.
+/// The area of a picture, which may be cut off or smaller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Backdrop {
-    pub(super) window: Rect,
-    /// Area of the picture, which may be cut off or smaller.
+    /// In points.
     pub(super) viewport: Rect,
     /// Colour of the viewport outside of the picture.
     pub(super) background: Color32,
-    /// Colour around the viewport.
-    pub(super) panels: Color32,
 }
 
 /// One picture, ready to be painted.
@@ -39,34 +36,44 @@ pub(super) struct BoundPicture {
     group: wgpu::BindGroup,
 }
 
+/// The pipeline of a module that paints one triangle over the viewport, without vertices and without blending.
+pub(super) fn painting(
+    device: &wgpu::Device,
+    label: &str,
+    module: &wgpu::ShaderModule,
+    constants: &[(&str, f64)],
+    format: wgpu::TextureFormat,
+) -> wgpu::RenderPipeline {
+    let compilation_options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(label),
+        layout: None,
+        vertex: wgpu::VertexState {
+            module,
+            entry_point: None,
+            compilation_options: compilation_options.clone(),
+            buffers: &[],
+        },
+        primitive: Default::default(),
+        depth_stencil: None,
+        multisample: Default::default(),
+        fragment: Some(wgpu::FragmentState {
+            module,
+            entry_point: None,
+            compilation_options,
+            targets: &[Some(format.into())],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}
+
 impl Blit {
     pub(super) fn new(render_state: &RenderState) -> Self {
         let RenderState { device, target_format, .. } = render_state;
         let module = device.create_shader_module(wgpu::include_wgsl!("../../../shaders/picture.wgsl"));
         let linear = f64::from(u8::from(target_format.is_srgb()));
-        let constants = [("LINEAR", linear)];
-        let options = wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
-        let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("picture"),
-            layout: None,
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: None,
-                compilation_options: options.clone(),
-                buffers: &[],
-            },
-            primitive: Default::default(),
-            depth_stencil: None,
-            multisample: Default::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: None,
-                compilation_options: options,
-                targets: &[Some((*target_format).into())],
-            }),
-            multiview_mask: None,
-            cache: None,
-        });
+        let pipeline = painting(device, "picture", &module, &[("LINEAR", linear)], *target_format);
         let filter = wgpu::FilterMode::Linear;
         let sampler = wgpu::SamplerDescriptor { mag_filter: filter, min_filter: filter, ..Default::default() };
         let place = wgpu::BufferDescriptor {
@@ -103,15 +110,11 @@ impl Blit {
 impl BoundPicture {
     /// Paints the picture at `place`.
     pub(super) fn paint(self, backdrop: &Backdrop, place: Rect) -> PaintCallback {
-        let Backdrop { window, viewport, background, panels } = *backdrop;
-        let corners = |rect: Rect| {
-            let at = |corner: egui::Pos2| (corner - place.min) / place.size();
-            let (min, max) = (at(rect.min), at(rect.max));
-            [min.x, min.y, max.x, max.y]
-        };
-        let colors = [background, panels].map(|color| color.to_normalized_gamma_f32());
-        let place = [colors[0], colors[1], corners(window), corners(viewport)];
-        egui_wgpu::Callback::new_paint_callback(window, Placed { picture: self, place })
+        let Backdrop { viewport, background } = *backdrop;
+        let at = |corner: egui::Pos2| (corner - place.min) / place.size();
+        let (min, max) = (at(viewport.min), at(viewport.max));
+        let place = [background.to_normalized_gamma_f32(), [min.x, min.y, max.x, max.y]];
+        egui_wgpu::Callback::new_paint_callback(viewport, Placed { picture: self, place })
     }
 }
 

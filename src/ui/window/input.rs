@@ -49,6 +49,7 @@ fn repeats(action: &Action) -> bool {
             | Action::Slower
             | Action::LessQuality
             | Action::MoreQuality
+            | Action::TurnCamera(_)
             | Action::Undo
             | Action::Redo
     )

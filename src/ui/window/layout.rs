@@ -91,8 +91,10 @@ impl PlayerWindow {
         let split = if views.beside().is_some() { 0.5 * (places[0].right() + places[1].left()) } else { whole.right() };
         let parts = [whole.with_max_x(split), whole.with_min_x(split)];
         let behind = |(session, place): (&Session, usize)| {
-            let (window, viewport, background) = (parts[place], places[place], background(session));
-            self.screens[place].behind(&Backdrop { window, viewport, background, panels })
+            let (viewport, background) = (places[place], background(session));
+            let around = around(viewport, parts[place]).map(|rect| Shape::rect_filled(rect, 0.0, panels));
+            let picture = self.screens[place].behind(&Backdrop { viewport, background });
+            Shape::Vec(around.into_iter().chain([picture]).collect())
         };
         views.sessions().zip([own, 1 - own]).map(behind).collect()
     }
@@ -139,6 +141,17 @@ impl PlayerWindow {
             ctx.request_repaint_after(wait);
         }
     }
+}
+
+/// What of `part` lies around `inner`, above and below, left and right.
+fn around(inner: Rect, part: Rect) -> [Rect; 4] {
+    let beside = part.with_min_y(inner.top()).with_max_y(inner.bottom());
+    [
+        part.with_max_y(inner.top()),
+        part.with_min_y(inner.bottom()),
+        beside.with_max_x(inner.left()),
+        beside.with_min_x(inner.right()),
+    ]
 }
 
 /// Begins and ends gestures with the mouse button.

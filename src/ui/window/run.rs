@@ -1,13 +1,14 @@
 //! Runs a window of the system until it is closed.
 
+use super::retained;
 use super::{PlayerWindow, WindowOptions};
 use crate::render::gpu::context::{self, ContextOptions};
 use crate::task::Cancel;
-use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
+use crossbeam::channel::RecvTimeoutError;
+use eframe::egui_wgpu::{RenderState, WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
 use eframe::{egui, egui_wgpu};
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -40,14 +41,18 @@ struct Shared {
 }
 
 /// The window as egui's application.
-struct App(Rc<RefCell<Shared>>);
+struct App<'a> {
+    shared: &'a RefCell<Shared>,
+    painter: &'a retained::Owner,
+}
 
-impl eframe::App for App {
+impl eframe::App for App<'_> {
     fn ui(&mut self, ui: &mut egui::Ui, _: &mut eframe::Frame) {
-        let Shared { window, lost, watch, cancel } = &mut *self.0.borrow_mut();
+        let Shared { window, lost, watch, cancel } = &mut *self.shared.borrow_mut();
         if let Some(error) = window.lost() {
             // Nothing can be painted any more.
             *lost = Some(error.to_string());
+            self.painter.close();
             ui.send_viewport_cmd(egui::ViewportCommand::Close);
             return;
         }
@@ -79,7 +84,7 @@ pub fn run_watched(
 ) -> Result<(), WindowError> {
     let gpu = options.gpu.clone();
     let window = PlayerWindow::open(options).map_err(|error| WindowError::NoWindow(error.to_string()))?;
-    let shared = Rc::new(RefCell::new(Shared { window, lost: None, watch, cancel: cancel.clone() }));
+    let shared = RefCell::new(Shared { window, lost: None, watch, cancel: cancel.clone() });
     let mut last_loss = String::new();
     for _ in 0..=LOSSES_MAX {
         let shown = catch_unwind(AssertUnwindSafe(|| show_until_closed(&gpu, &shared, cancel)));
@@ -98,7 +103,7 @@ pub fn run_watched(
     Err(WindowError::Lost(last_loss))
 }
 
-fn show_until_closed(gpu: &ContextOptions, shared: &Rc<RefCell<Shared>>, cancel: &Cancel) -> Result<(), WindowError> {
+fn show_until_closed(gpu: &ContextOptions, shared: &RefCell<Shared>, cancel: &Cancel) -> Result<(), WindowError> {
     let size = shared.borrow().window.size();
     let viewport = egui::ViewportBuilder::default().with_title("tetreel").with_inner_size(size).with_app_id("tetreel");
     let native = eframe::NativeOptions {
@@ -109,21 +114,25 @@ fn show_until_closed(gpu: &ContextOptions, shared: &Rc<RefCell<Shared>>, cancel:
         wgpu_options: WgpuConfiguration { wgpu_setup: setup(gpu), ..Default::default() },
         ..Default::default()
     };
-    let (cancel, shared, closed) = (cancel.clone(), shared.clone(), Cancel::new());
-    let is_closed = closed.clone();
-    let open = move |cc: &eframe::CreationContext<'_>| -> Result<Box<dyn eframe::App>, _> {
-        let ctx = cc.egui_ctx.clone();
-        std::thread::Builder::new().name("cancel".to_owned()).spawn(move || {
-            while !cancel.is_cancelled() && !is_closed.is_cancelled() {
-                std::thread::sleep(CANCEL_CHECK);
+    let painter = &retained::Owner::default();
+    let (closes, closed) = crossbeam::channel::bounded::<()>(0);
+    let shown = std::thread::scope(move |scope| {
+        // Dropped when the window is closed, or has panicked.
+        let _closes = closes;
+        let open = |cc: &eframe::CreationContext<'_>| -> Result<Box<dyn eframe::App>, _> {
+            let ctx = cc.egui_ctx.clone();
+            std::thread::Builder::new().name("cancel".to_owned()).spawn_scoped(scope, move || {
+                while closed.recv_timeout(CANCEL_CHECK) == Err(RecvTimeoutError::Timeout) && !cancel.is_cancelled() {}
+                ctx.send_viewport_cmd(egui::ViewportCommand::Close);
+            })?;
+            if let Some(RenderState { device, queue, target_format, .. }) = &cc.wgpu_render_state {
+                painter.paint(&cc.egui_ctx, device, queue, *target_format);
             }
-            ctx.send_viewport_cmd(egui::ViewportCommand::Close);
-        })?;
-        shared.borrow_mut().window.attach(&cc.egui_ctx, cc.wgpu_render_state.as_ref());
-        Ok(Box::new(App(shared)) as Box<dyn eframe::App>)
-    };
-    let shown = eframe::run_native("tetreel", native, Box::new(open));
-    closed.cancel();
+            shared.borrow_mut().window.attach(&cc.egui_ctx, cc.wgpu_render_state.as_ref());
+            Ok(Box::new(App { shared, painter }) as Box<dyn eframe::App>)
+        };
+        eframe::run_native("tetreel", native, Box::new(open))
+    });
     shown.map_err(|error| WindowError::NoWindow(cause(&error.to_string()).to_owned()))
 }
 

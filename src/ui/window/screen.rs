@@ -9,7 +9,8 @@ use crate::ui::Session;
 use crate::ui::picture::{Picture, PictureMaker};
 use eframe::egui;
 use eframe::egui_wgpu::{RenderState, wgpu};
-use egui::{Shape, vec2};
+use egui::{PaintCallback, Shape, vec2};
+use std::cell::RefCell;
 use std::io;
 use std::sync::Arc;
 
@@ -36,6 +37,8 @@ struct Source {
 struct Shown {
     painted: Painted,
     picture: BoundPicture,
+    /// The shape that was painted last, and what behind it: as long as it is the same one, nothing has changed.
+    shape: RefCell<Option<(Backdrop, PaintCallback)>>,
     /// A frame on the GPU is held until another is bound: its memory must not be rendered to while it is painted.
     frame: Option<SharedFrame>,
 }
@@ -101,18 +104,12 @@ impl Screen {
         self.shown.as_ref().map(|shown| shown.painted)
     }
 
-    /// The shape painted behind the widgets.
+    /// The shape painted behind the widgets of the viewport.
     pub(super) fn behind(&self, backdrop: &Backdrop) -> Shape {
-        let Backdrop { window, viewport, background, panels } = *backdrop;
+        let Backdrop { viewport, background } = *backdrop;
         match &self.shown {
-            Some(shown) if viewport.is_positive() => {
-                let place = viewport::placed(viewport, shown.painted.size);
-                Shape::Callback(shown.picture.clone().paint(backdrop, place))
-            }
-            _ => {
-                let fills = [(window, panels), (viewport, background)];
-                Shape::Vec(fills.map(|(rect, color)| Shape::rect_filled(rect, 0.0, color)).into())
-            }
+            Some(shown) if viewport.is_positive() => Shape::Callback(shown.shape(backdrop)),
+            _ => Shape::rect_filled(viewport, 0.0, background),
         }
     }
 
@@ -168,11 +165,25 @@ impl Screen {
     }
 }
 
+impl Shown {
+    fn shape(&self, backdrop: &Backdrop) -> PaintCallback {
+        let mut last = self.shape.borrow_mut();
+        match &*last {
+            Some((behind, shape)) if behind == backdrop => shape.clone(),
+            _ => {
+                let place = viewport::placed(backdrop.viewport, self.painted.size);
+                let shape = self.picture.clone().paint(backdrop, place);
+                last.insert((*backdrop, shape)).1.clone()
+            }
+        }
+    }
+}
+
 impl WindowScreen {
     fn bound(&self, texture: &wgpu::Texture, time: FrameTime, frame: Option<SharedFrame>) -> Shown {
         let size = texture.size();
         let painted = Painted { size: vec2(size.width as f32, size.height as f32), time };
-        Shown { painted, picture: self.blit.bind(&self.render_state.device, texture), frame }
+        Shown { painted, picture: self.blit.bind(&self.render_state.device, texture), shape: RefCell::new(None), frame }
     }
 
     /// Uploads a picture to the GPU, reusing the last texture if it has the same size.

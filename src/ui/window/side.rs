@@ -9,7 +9,7 @@ use super::overlay::{self, Overlays, horizontal_strip};
 use super::path_field::OpenDialog;
 use super::project::{self, ProjectMenu};
 use super::welcome::{self, PathBox, Wish};
-use super::widgets::{chosen, color_button, number, staying_menu, within_width};
+use super::widgets::{chosen, color_button, icon, number, staying_menu, within_width};
 use super::{point, statistics, surfaces};
 use crate::camera::{Axis, Projection};
 use crate::optics::OpticsKind;
@@ -17,7 +17,7 @@ use crate::pipeline::{Backend, RenderMode};
 use crate::transfer::{ColorMap, MappedRange, RangePolicy, Space};
 use crate::ui::settings::{RecentFile, Settings};
 use crate::ui::views::Views;
-use crate::ui::{Action, IMAGE_SCALES, Session};
+use crate::ui::{Action, CameraTurn, IMAGE_SCALES, Session};
 use eframe::egui;
 use egui::collapsing_header::CollapsingState;
 use egui::{CollapsingHeader, DragValue, Role, Sense, Ui, WidgetInfo, vec2};
@@ -295,6 +295,16 @@ fn view(
             actions.push(Action::ResetView);
         }
         cameras.show(ui, session, actions);
+    });
+    ui.horizontal(|ui| {
+        let [back, on] = session.camera_turns();
+        if icon(ui, "<", "The view before the last movement (Backspace)", back > 0).clicked() {
+            actions.push(Action::TurnCamera(CameraTurn::Back));
+        }
+        if icon(ui, ">", "On to the view after it (Shift Backspace)", on > 0).clicked() {
+            actions.push(Action::TurnCamera(CameraTurn::On));
+        }
+        ui.label("last movement");
     });
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;

@@ -7,7 +7,7 @@
 //!
 //! On a screen in memory (Xvfb) of 1280 x 720 pixels. Half of the inputs move the mouse from button to button, until the button
 //! looks different; half of them turn the volume, until the axes in the corner have turned. Then as many drag a point of the opacity
-//! curve: while it plays until the curve looks different, and at rest until the picture does; and a tenth step on, until the histogram
+//! curve: while it plays until the curve looks different, and at rest until the picture does; and a tenth step back, until the histogram
 //! of the step shown looks different. The machine should do nothing else.
 
 #[cfg(not(target_os = "linux"))]
@@ -244,6 +244,8 @@ mod linux {
         user.button(1, true).expect("the screen");
         drag("handle to curve", places.curve, inputs / 2);
         user.key(Keysym::SPACE).expect("a key");
+        // The last step, in which the volume fills the middle of the picture.
+        user.key(Keysym(0xff57)).expect("a key");
         pause(1500);
         drag("handle to picture, at rest", seen, inputs / 2);
         user.button(1, false).expect("the screen");
@@ -258,7 +260,7 @@ mod linux {
         pause(1500);
         let steps: Vec<f64> = (0..inputs / 10)
             .map(|_| {
-                let ms = until_changed(user, places.curve, || user.key(Keysym(0xff53)).expect("a key"));
+                let ms = until_changed(user, places.curve, || user.key(Keysym(0xff51)).expect("a key"));
                 pause(1000);
                 ms
             })

@@ -55,6 +55,17 @@ fn open(text: &str) -> Option<Desk> {
     Some(desk)
 }
 
+/// Opens a file by its path, typed over what the box has.
+fn open_typed(desk: &mut Desk, path: &Path) {
+    desk.click("Open...");
+    desk.click("Path to open");
+    desk.click("Path to open");
+    desk.press_with(egui::Modifiers::COMMAND, Key::A);
+    desk.harness.get_by_label("Path to open").type_text(path.to_str().unwrap());
+    desk.harness.step();
+    desk.press(Key::Enter);
+}
+
 /// Which rows of the list are marked.
 fn marked(desk: &Desk) -> Vec<&'static str> {
     let is_marked = |row: &&str| {
@@ -180,22 +191,13 @@ fn what_is_shown_is_saved_as_a_project_and_opened_again() {
     desk.click("Save...");
     desk.until_there("seen.toml, changed");
     desk.click("Save...");
-    let open = |desk: &mut Desk| {
-        desk.click("Open...");
-        desk.click("Path to open");
-        desk.click("Path to open");
-        desk.press_with(egui::Modifiers::COMMAND, Key::A);
-        desk.harness.get_by_label("Path to open").type_text(path.to_str().unwrap());
-        desk.harness.step();
-        desk.press(Key::Enter);
-    };
-    open(&mut desk);
+    open_typed(&mut desk, &path);
     desk.until_there("Unsaved changes");
     desk.save("project_unsaved.png");
     desk.click("Stay here");
     desk.harness.step();
     assert!(desk.harness.query_by_label("Unsaved changes").is_none() && desk.session().is_changed());
-    open(&mut desk);
+    open_typed(&mut desk, &path);
     desk.until_there("Unsaved changes");
     desk.click("Discard them");
     let begin = std::time::Instant::now();
@@ -265,4 +267,36 @@ fn every_shipped_project_is_opened_through_the_dialog_of_the_system() {
     desk.until_there("nothing was chosen; where no dialog opens, type the path");
     assert_eq!(desk.session().project_file(), Some(&*files[0]));
     assert_eq!(asked.lock().unwrap().iter().filter(|choice| **choice == Choice::File).count(), files.len());
+}
+
+#[test]
+fn a_project_that_cannot_be_opened_is_one_message_and_what_was_shown_stays() {
+    let Some(mut desk) = Desk::open() else { return };
+    desk.settle();
+    let shown = desk.session().shown().unwrap().request.clone();
+    let folder = desk.folder.path().to_owned();
+    let bad = [
+        (
+            "key",
+            "version = 1\n[data]\nsource = \"tornado.zarr\"\n[look]\nsharpness = 3\n",
+            &["line 5", "sharpness"][..],
+        ),
+        ("source", "version = 1\n[data]\nsource = \"gone.zarr\"\n", &["gone.zarr", "moved or renamed"]),
+        ("field", "version = 1\n[data]\nsource = \"tornado.zarr\"\nfield = \"gone\"\n", &["tornado.zarr", "'gone'"]),
+        ("text", "Dear diary,", &["line 1"]),
+    ];
+    for (name, text, said) in bad {
+        let path = folder.join(format!("{name}.toml"));
+        std::fs::write(&path, text).unwrap();
+        open_typed(&mut desk, &path);
+        desk.until("a message", |session| !session.notices().is_empty());
+        let texts: Vec<&str> = desk.session().notices().iter().map(|notice| &*notice.text).collect();
+        assert!(texts.len() == 1 && said.iter().all(|part| texts[0].contains(part)), "{name}: {texts:?}");
+        desk.until_there("Dismiss message 1");
+        desk.click("Dismiss message 1");
+        // While a file is opened a bar above the picture says so.
+        desk.until("the same picture", |session| session.shown().is_some_and(|now| now.request == shown));
+        assert!(desk.session().project_file().is_none(), "{name}");
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
+    }
 }

@@ -313,3 +313,25 @@ fn nothing_lies_under_another_thing_in_small_windows() {
         assert!(NodeT::accesskit_node(&marks).label().is_some_and(|label| label.contains("isovalue at 99")));
     }
 }
+
+#[test]
+fn movements_of_the_camera_are_taken_back_by_key_and_by_button() {
+    let Some(mut desk) = Desk::open() else { return };
+    desk.settle();
+    let first = desk.session().camera();
+    let middle = desk.place("Picture of").center();
+    desk.drag(middle, middle + egui::vec2(80.0, 10.0));
+    desk.settle();
+    let dragged = desk.session().camera();
+    assert_ne!(dragged, first);
+    desk.press(Key::Backspace);
+    assert_eq!(desk.session().camera(), first, "one drag is one movement");
+    desk.press_with(egui::Modifiers::SHIFT, Key::Backspace);
+    assert_eq!(desk.session().camera(), dragged);
+    desk.click("The view before the last movement (Backspace)");
+    desk.settle();
+    assert_eq!(desk.session().camera(), first);
+    desk.click("On to the view after it (Shift Backspace)");
+    desk.settle();
+    assert_eq!(desk.session().camera(), dragged);
+}
