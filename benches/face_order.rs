@@ -43,7 +43,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mesh = Arc::new(mesh);
     let topology = &mesh.topology;
     println!("{:?}", Machine::detect());
-    println!("jet, {} faces, {} threads, median of {ROUNDS}", topology.faces.len(), rayon::current_num_threads());
+    println!(
+        "jet, {} faces, {} threads, median of {ROUNDS}",
+        topology.connectivity().faces.len(),
+        rayon::current_num_threads()
+    );
 
     let by_words = |words: &mut Vec<u64>, round: usize| {
         let depth: Vec<f32> = mesh.positions.local.iter().map(|p| direction(round).dot(p.as_dvec3()) as f32).collect();
@@ -51,7 +55,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             let [a, b, c] = vertices.map(|v| depth[v as usize]);
             u64::from(ascending_bits(a + b + c + 0.0)) << 32 | face as u64
         };
-        topology.faces.par_iter().enumerate().with_min_len(1 << 14).map(word).collect_into_vec(words);
+        topology.connectivity().faces.par_iter().enumerate().with_min_len(1 << 14).map(word).collect_into_vec(words);
         words.par_sort_unstable();
     };
     let ranking = Arc::new(Ranking::by_strata(topology, &scalars));

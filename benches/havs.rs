@@ -81,14 +81,14 @@ fn milliseconds(renderer: &mut Havs, job: &RenderJob) -> Result<[f64; 3], Box<dy
 fn with_faces(job: &RenderJob, share: f64) -> RenderJob {
     let (topology, positions) = (&job.mesh.topology, &job.mesh.positions);
     let mut random = SplitMix64::new(1);
-    let drawn = |face: &u32| random.unit() < share || topology.face_cells[*face as usize][1] == NONE;
+    let drawn = |face: &u32| random.unit() < share || topology.connectivity().face_cells[*face as usize][1] == NONE;
     let depth = |face: u32| {
-        let corners = topology.faces[face as usize].map(|v| positions.local[v as usize].as_dvec3());
+        let corners = topology.connectivity().faces[face as usize].map(|v| positions.local[v as usize].as_dvec3());
         job.view.forward.dot(corners[0] + corners[1] + corners[2])
     };
-    let mut faces: Vec<u32> = (0..topology.faces.len() as u32).filter(drawn).collect();
+    let mut faces: Vec<u32> = (0..topology.connectivity().faces.len() as u32).filter(drawn).collect();
     faces.sort_by_cached_key(|&face| (depth(face) * 1e15) as i64);
-    let is_complete = faces.len() == topology.faces.len();
+    let is_complete = faces.len() == topology.connectivity().faces.len();
     RenderJob { faces: Some(Arc::new(Drawn { ids: faces, is_complete })), ..job.clone() }
 }
 

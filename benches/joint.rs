@@ -103,10 +103,11 @@ fn scene() -> Result<RenderJob, Box<dyn Error>> {
     let table = build_node_table(&tf, &MappedRange::new(0.0, 1.2, false)?, OpacityKind::Alpha, &lengths)?;
     let view = Camera::default_for(bounds)?.view(512, 512)?;
     let depth = |face: &u32| {
-        let corners = mesh.topology.faces[*face as usize].map(|v| mesh.positions.local[v as usize].as_dvec3());
+        let corners =
+            mesh.topology.connectivity().faces[*face as usize].map(|v| mesh.positions.local[v as usize].as_dvec3());
         (view.forward.dot(corners[0] + corners[1] + corners[2]) * 1e15) as i64
     };
-    let mut faces: Vec<u32> = (0..mesh.topology.faces.len() as u32).collect();
+    let mut faces: Vec<u32> = (0..mesh.topology.connectivity().faces.len() as u32).collect();
     faces.sort_by_cached_key(depth);
     let active = Arc::new(CellSet::all(mesh.topology.tets.len()));
     Ok(RenderJob {

@@ -103,7 +103,7 @@ fn mean_square(a: &Pixels, b: &Pixels) -> f64 {
 fn by_lot(series: &Series, seed: u64) -> Ranking {
     let topology = &series.mesh().topology;
     let mut random = SplitMix64::new(seed);
-    let numbers: Vec<f32> = topology.faces.iter().map(|_| random.unit() as f32).collect();
+    let numbers: Vec<f32> = topology.connectivity().faces.iter().map(|_| random.unit() as f32).collect();
     Ranking::by_importance(topology, &numbers)
 }
 

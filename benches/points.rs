@@ -125,7 +125,7 @@ fn job(raw: &RawMesh, values: &[f32], tf: &str) -> Result<RenderJob, Box<dyn Err
 
 /// All faces, front to back.
 fn with_faces(job: &RenderJob) -> Result<RenderJob, Box<dyn Error>> {
-    let faces = CellSet::all(job.mesh.topology.faces.len());
+    let faces = CellSet::all(job.mesh.topology.connectivity().faces.len());
     let all = Arc::new(Selection { ids: faces, is_complete: true });
     let drawn = DepthOrder::default().order(&job.mesh, job.view.forward, &all, &Cancel::new());
     Ok(RenderJob { faces: Some(drawn.ok_or("cancelled")?), ..job.clone() })

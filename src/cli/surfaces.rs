@@ -178,7 +178,7 @@ fn check_parts(look: &SurfaceLook, mesh: &Mesh) -> anyhow::Result<()> {
     if look.parts.is_empty() {
         return Ok(());
     }
-    let (_, sizes) = mesh.topology.parts();
+    let (_, sizes) = mesh.topology.connectivity().parts();
     if let Some(part) = look.parts.iter().find(|part| **part as usize >= sizes.len()) {
         let cells: Vec<String> = sizes.iter().take(10).map(ToString::to_string).collect();
         let more = if sizes.len() > 10 { ", .." } else { "" };

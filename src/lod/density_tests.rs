@@ -19,19 +19,21 @@ fn density(mesh: &Mesh, scalar: impl Fn(DVec3) -> f64) -> Vec<f32> {
 }
 
 fn interior(mesh: &Mesh) -> Vec<usize> {
-    (0..mesh.topology.faces.len()).filter(|&face| mesh.topology.face_cells[face][1] != NONE).collect()
+    (0..mesh.topology.connectivity().faces.len())
+        .filter(|&face| mesh.topology.connectivity().face_cells[face][1] != NONE)
+        .collect()
 }
 
 fn area(mesh: &Mesh, face: usize) -> f64 {
-    let [p, q, r] = mesh.topology.faces[face].map(|v| at(mesh, v as usize));
+    let [p, q, r] = mesh.topology.connectivity().faces[face].map(|v| at(mesh, v as usize));
     0.5 * (q - p).cross(r - p).length()
 }
 
 /// The error at a face by its definition: where the segment between the two opposite vertices meets the plane, found by solving in the
 /// basis of the triangle's sides; at its midpoint if it does not.
 fn naive_error(mesh: &Mesh, face: usize, scalar: &dyn Fn(usize) -> f64) -> f64 {
-    let corners = mesh.topology.faces[face].map(|v| v as usize);
-    let opposite = mesh.topology.face_cells[face].map(|cell| {
+    let corners = mesh.topology.connectivity().faces[face].map(|v| v as usize);
+    let opposite = mesh.topology.connectivity().face_cells[face].map(|cell| {
         let tet = mesh.topology.tets[cell as usize];
         tet.into_iter().map(|v| v as usize).find(|v| !corners.contains(v)).unwrap()
     });
@@ -85,7 +87,8 @@ fn where_scalars_are_linear_only_the_area_counts() {
     assert!(spread(&density(&mesh, |p| p.x * p.y)) > 1.2, "the test can fail");
     // A kink in the middle of a linear field: nearby faces are sampled more densely than others.
     let kink = density(&mesh, |p| p.x.max(0.0));
-    let is_near = |face: usize| mesh.topology.faces[face].iter().any(|&v| at(&mesh, v as usize).x.abs() < 0.3);
+    let is_near =
+        |face: usize| mesh.topology.connectivity().faces[face].iter().any(|&v| at(&mesh, v as usize).x.abs() < 0.3);
     let best =
         |near: bool| faces.iter().filter(|&&f| is_near(f) == near).map(|&f| relative(&kink, f)).fold(0.0, f64::max);
     assert!(best(true) > 1.5 * best(false), "{} {}", best(true), best(false));
@@ -112,7 +115,7 @@ fn steps_with_holes_are_left_out_and_extreme_scalars_stay_finite() {
         let density = sampling_density(&mesh, &vec![value; vertices], 1);
         assert!(interior(&mesh).iter().all(|&face| density[face].is_finite() && density[face] > 0.0), "{value}");
     }
-    assert_eq!(sampling_density(&mesh, &[], 0).len(), mesh.topology.faces.len());
+    assert_eq!(sampling_density(&mesh, &[], 0).len(), mesh.topology.connectivity().faces.len());
 }
 
 #[test]
@@ -140,7 +143,7 @@ fn a_ranking_by_density_has_so_many_faces_of_each_density() {
     let topology = &mesh.topology;
     // Classes by id modulo three, not in step with the order of the list.
     let densities = [1.0f32, 2.0, 4.0];
-    let density: Vec<f32> = (0..topology.faces.len()).map(|face| densities[face / 7 % 3]).collect();
+    let density: Vec<f32> = (0..topology.connectivity().faces.len()).map(|face| densities[face / 7 % 3]).collect();
     let ranking = Ranking::by_density(topology, &density);
     let mut all = ranking.ids().to_vec();
     all.sort_unstable();
@@ -156,12 +159,13 @@ fn a_ranking_by_density_has_so_many_faces_of_each_density() {
         assert!((found[class] - expected).abs() < 3.0 * expected.sqrt(), "{} of {expected}", found[class]);
     }
     // Faces of density 0 come last.
-    let none: Vec<f32> = (0..topology.faces.len()).map(|face| if face % 2 == 0 { 0.0 } else { 1.0 }).collect();
+    let none: Vec<f32> =
+        (0..topology.connectivity().faces.len()).map(|face| if face % 2 == 0 { 0.0 } else { 1.0 }).collect();
     let ranking = Ranking::by_density(topology, &none);
     let odd = all.iter().filter(|&&face| face % 2 == 1).count();
     assert!(ranking.ids()[..odd].iter().all(|face| face % 2 == 1));
     // NaN densities: every face is still listed.
-    let nan = vec![f32::NAN; topology.faces.len()];
+    let nan = vec![f32::NAN; topology.connectivity().faces.len()];
     assert_eq!(Ranking::by_density(topology, &nan).ids().len(), all.len());
 }
 
@@ -172,18 +176,18 @@ fn a_ranking_by_density_covers_the_mesh_more_evenly_than_chance() {
     let all = interior(&mesh);
     // Of each 64 neighbours in the list, about 8 are in an eighth of the faces.
     let variance = |ranking: &Ranking| {
-        let mut drawn = vec![false; topology.faces.len()];
+        let mut drawn = vec![false; topology.connectivity().faces.len()];
         ranking.ids()[..all.len() / 8].iter().for_each(|&face| drawn[face as usize] = true);
         let counts: Vec<f64> =
             all.chunks_exact(64).map(|chunk| chunk.iter().filter(|&&face| drawn[face]).count() as f64).collect();
         counts.iter().map(|count| (count - 8.0).powi(2)).sum::<f64>() / counts.len() as f64
     };
-    let even = variance(&Ranking::by_density(topology, &vec![1.0; topology.faces.len()]));
+    let even = variance(&Ranking::by_density(topology, &vec![1.0; topology.connectivity().faces.len()]));
     // Random: 64 * 1/8 * 7/8 = 7. Stratified: one of each 8, random only at the ends.
     let chance = variance(&Ranking::by_hash(topology));
     assert!(even < 0.5 && (5.0..9.0).contains(&chance), "{even} {chance}");
     // The sample has equally many of the kinds of faces that alternate in the list.
-    let ranking = Ranking::by_density(topology, &vec![1.0; topology.faces.len()]);
+    let ranking = Ranking::by_density(topology, &vec![1.0; topology.connectivity().faces.len()]);
     let place = |face: u32| all.binary_search(&(face as usize)).unwrap();
     let odd = ranking.ids()[..all.len() / 8].iter().filter(|&&face| place(face) % 2 == 1).count();
     let half = (all.len() / 16) as f64;

@@ -16,5 +16,5 @@ const FACES_AT_ONCE: usize = 1 << 14;
 pub fn importance(topology: &Topology, vertices: &[f32]) -> Vec<f32> {
     assert_eq!(vertices.len(), topology.vertex_count as usize, "one coefficient of variation per vertex");
     let sum = |face: &[u32; 3]| face.iter().map(|&v| f64::from(vertices[v as usize])).sum::<f64>() as f32;
-    topology.faces.par_iter().with_min_len(FACES_AT_ONCE).map(sum).collect()
+    topology.connectivity().faces.par_iter().with_min_len(FACES_AT_ONCE).map(sum).collect()
 }

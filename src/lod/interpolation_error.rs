@@ -14,7 +14,7 @@
 //! e^2)^(1/5) (by a Lagrange multiplier). Because of the fifth root, the most important faces alone make bad images, and a sample of all
 //! faces that is only a little denser where it matters makes good ones.
 
-use crate::mesh::{Mesh, NONE, Topology};
+use crate::mesh::{Connectivity, Mesh, NONE, Topology};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -41,7 +41,7 @@ pub fn sampling_density(mesh: &Mesh, scalars: &[f32], steps: usize) -> Vec<f32> 
         Some(stencil) => [stencil.area, stencil.mean_square(scalars, steps)],
         None => [f64::NAN; 2],
     };
-    let faces = (0..topology.faces.len()).into_par_iter().with_min_len(FACES_AT_ONCE);
+    let faces = (0..topology.connectivity().faces.len()).into_par_iter().with_min_len(FACES_AT_ONCE);
     let found: Vec<[f64; 2]> = faces.map(of_face).collect();
     let inner = || found.iter().filter(|face| !face[0].is_nan());
     // Sequential, so that the sum is the same for any number of threads.
@@ -72,7 +72,7 @@ impl Stencil {
     fn of(mesh: &Mesh, face: usize) -> Option<Self> {
         let topology = &mesh.topology;
         let [a, b] = opposite(topology, face)?;
-        let corners = topology.faces[face];
+        let corners = topology.connectivity().faces[face];
         let at = |v: u32| mesh.positions.local[v as usize].as_dvec3();
         let [p, q, r] = corners.map(at);
         let normal = (q - p).cross(r - p);
@@ -101,8 +101,8 @@ impl Stencil {
 
 /// The vertices opposite a face in its two cells; `None` if it has only one cell.
 fn opposite(topology: &Topology, face: usize) -> Option<[u32; 2]> {
-    let corners = &topology.faces[face];
-    let cells = topology.face_cells[face];
+    let Connectivity { faces, face_cells, .. } = topology.connectivity();
+    let (corners, cells) = (&faces[face], face_cells[face]);
     if cells.contains(&NONE) {
         return None;
     }

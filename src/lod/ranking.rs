@@ -23,7 +23,7 @@ impl Ranking {
     /// # Panics
     /// If there is not one for each face of `topology`.
     pub fn by_importance(topology: &Topology, importance: &[f32]) -> Self {
-        assert_eq!(importance.len(), topology.faces.len(), "one importance per face");
+        assert_eq!(importance.len(), topology.connectivity().faces.len(), "one importance per face");
         let Self { ids, universe } = Self::by_hash(topology);
         let key = |face: u32| {
             let importance = importance[face as usize];
@@ -34,8 +34,8 @@ impl Ranking {
 
     /// In id order: for a level that draws all of them.
     pub fn unordered(topology: &Topology) -> Self {
-        let interior = (0u32..).zip(&topology.face_cells).filter(|(_, cells)| cells[1] != NONE);
-        Self { ids: interior.map(|(face, _)| face).collect(), universe: topology.faces.len() }
+        let interior = (0u32..).zip(&topology.connectivity().face_cells).filter(|(_, cells)| cells[1] != NONE);
+        Self { ids: interior.map(|(face, _)| face).collect(), universe: topology.connectivity().faces.len() }
     }
 
     /// A sample with `density` as relative density: the first n faces are those with density above a threshold times a random number (order
@@ -48,7 +48,7 @@ impl Ranking {
     /// # Panics
     /// If there is not one density for each face of `topology`.
     pub fn by_density(topology: &Topology, density: &[f32]) -> Self {
-        assert_eq!(density.len(), topology.faces.len(), "one density per face");
+        assert_eq!(density.len(), topology.connectivity().faces.len(), "one density per face");
         Self::unordered(topology).sampled(|face| density[face as usize], 0)
     }
 

@@ -35,7 +35,7 @@ struct Parts {
 impl Parts {
     fn set(&mut self, topology: &Topology, active: &CellSet) {
         assert_eq!(active.universe(), topology.tets.len(), "a set of the cells of this mesh");
-        self.surface.set_boundary_of(active, &topology.face_cells, &mut self.inner);
+        self.surface.set_boundary_of(active, &topology.connectivity().face_cells, &mut self.inner);
         self.inner_count = self.inner.count();
         self.all_active = active.count() == active.universe();
     }

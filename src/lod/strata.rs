@@ -39,8 +39,8 @@ impl Ranking {
     /// As [`Self::by_strata`], and if this ranking belongs to another mesh.
     pub fn in_strata(&self, topology: &Topology, scalars: &[f32]) -> Self {
         assert_eq!(scalars.len(), topology.vertex_count as usize, "one scalar per vertex");
-        assert_eq!(self.universe, topology.faces.len(), "a ranking of this mesh");
-        let bins = bins(&topology.faces, scalars);
+        assert_eq!(self.universe, topology.connectivity().faces.len(), "a ranking of this mesh");
+        let bins = bins(&topology.connectivity().faces, scalars);
         let bin_of = |face: u32| usize::from(bins[face as usize]);
 
         // Counting sort by bin.

@@ -24,7 +24,9 @@ fn vertices(topology: &Topology) -> usize {
 }
 
 fn interior(topology: &Topology) -> Vec<u32> {
-    (0..topology.faces.len() as u32).filter(|&face| topology.face_cells[face as usize][1] != NONE).collect()
+    (0..topology.connectivity().faces.len() as u32)
+        .filter(|&face| topology.connectivity().face_cells[face as usize][1] != NONE)
+        .collect()
 }
 
 fn assert_is_of_all_interior_faces(ranking: &Ranking, topology: &Topology) {
@@ -47,7 +49,7 @@ fn naive_importance(topology: &Topology, steps: &[Vec<f32>], floor_share: f64) -
         if variance > 0.0 { variance.sqrt() / mean.abs().max(floor_share * width) } else { 0.0 }
     };
     let vertices: Vec<f64> = (0..self::vertices(topology)).map(of).collect();
-    topology.faces.iter().map(|face| face.iter().map(|&v| vertices[v as usize]).sum()).collect()
+    topology.connectivity().faces.iter().map(|face| face.iter().map(|&v| vertices[v as usize]).sum()).collect()
 }
 
 fn importance_of(topology: &Topology, steps: &[Vec<f32>], denominator: CovDenominator) -> Vec<f32> {
@@ -93,7 +95,8 @@ fn the_ranking_descends_by_importance_and_is_random_among_equals() {
     let mesh = mesh([6, 5, 4]);
     let topology = &mesh.topology;
     // Few distinct values: many ties.
-    let mut importance: Vec<f32> = noise(topology.faces.len(), 1).iter().map(|x| (3.0 * x).round()).collect();
+    let mut importance: Vec<f32> =
+        noise(topology.connectivity().faces.len(), 1).iter().map(|x| (3.0 * x).round()).collect();
     (importance[3], importance[4], importance[5]) = (f32::NAN, f32::INFINITY, -0.0);
     let ranking = Ranking::by_importance(topology, &importance);
     assert_is_of_all_interior_faces(&ranking, topology);
@@ -109,10 +112,10 @@ fn the_ranking_descends_by_importance_and_is_random_among_equals() {
 fn where_nothing_changes_every_part_of_the_mesh_has_its_share_of_the_first_faces() {
     let mesh = mesh([12, 12, 12]);
     let topology = &mesh.topology;
-    let ranking = Ranking::by_importance(topology, &vec![0.0; topology.faces.len()]);
+    let ranking = Ranking::by_importance(topology, &vec![0.0; topology.connectivity().faces.len()]);
     let taken = &ranking.ids()[..ranking.ids().len() / 10];
     // Along the curve, in ten parts of equally many faces.
-    let part = |face: u32| face as usize * 10 / topology.faces.len();
+    let part = |face: u32| face as usize * 10 / topology.connectivity().faces.len();
     let mut counts = [0_f64; 10];
     taken.iter().for_each(|&face| counts[part(face)] += 1.0);
     let mut sizes = [0_f64; 10];
@@ -136,8 +139,10 @@ fn the_hash_has_another_number_for_each_face() {
 
 /// Oracle: the bins give their next face in turn.
 fn naive_strata(topology: &Topology, scalars: &[f32]) -> Vec<u32> {
-    let mean = |face: usize| topology.faces[face].iter().map(|&v| f64::from(scalars[v as usize])).sum::<f64>() / 3.0;
-    let finite: Vec<f64> = (0..topology.faces.len()).map(mean).filter(|m| m.is_finite()).collect();
+    let mean = |face: usize| {
+        topology.connectivity().faces[face].iter().map(|&v| f64::from(scalars[v as usize])).sum::<f64>() / 3.0
+    };
+    let finite: Vec<f64> = (0..topology.connectivity().faces.len()).map(mean).filter(|m| m.is_finite()).collect();
     let lo = finite.iter().copied().fold(f64::INFINITY, f64::min);
     let hi = finite.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let mut bins = vec![Vec::new(); 257];
@@ -174,7 +179,7 @@ fn strata_give_one_face_each_in_turn() {
     let mut holes = scalars.clone();
     (holes[17], holes[40]) = (f32::NAN, f32::INFINITY);
     let with_holes = check(&holes);
-    let is_hole = |face: &u32| topology.faces[*face as usize].iter().any(|v| [17, 40].contains(v));
+    let is_hole = |face: &u32| topology.connectivity().faces[*face as usize].iter().any(|v| [17, 40].contains(v));
     let first = with_holes.ids().iter().position(is_hole).unwrap();
     assert!(with_holes.ids()[first..].iter().all(is_hole), "faces of holes are the last");
     assert_ne!(with_holes, ranking);
@@ -192,7 +197,9 @@ fn every_value_that_occurs_is_among_the_first_faces() {
     // Nearly all vertices have one value; one in 500 has another one.
     let rare: Vec<f32> = (0..vertices(topology)).map(|v| if v % 500 == 250 { 1.0 } else { 0.0 }).collect();
     let values = |ranking: &Ranking, count: usize| {
-        let value = |face: &u32| topology.faces[*face as usize].iter().map(|&v| rare[v as usize]).sum::<f32>() as u32;
+        let value = |face: &u32| {
+            topology.connectivity().faces[*face as usize].iter().map(|&v| rare[v as usize]).sum::<f32>() as u32
+        };
         let mut values: Vec<u32> = ranking.ids()[..count].iter().map(value).collect();
         values.sort_unstable();
         values.dedup();
@@ -235,11 +242,12 @@ fn lists_change_by_the_share_of_faces_that_are_others() {
 /// Oracle: face by face; a set of ids.
 fn naive_selection(topology: &Topology, ranking: &Ranking, fraction: f64, active: &CellSet) -> (Vec<u32>, bool) {
     let is_active = |cell: u32| cell != NONE && active.contains(cell);
-    let sides = |face: u32| topology.face_cells[face as usize].map(is_active).iter().filter(|&&a| a).count();
+    let sides =
+        |face: u32| topology.connectivity().face_cells[face as usize].map(is_active).iter().filter(|&&a| a).count();
     let inner: Vec<u32> = ranking.ids().iter().copied().filter(|&face| sides(face) == 2).collect();
     let count = (fraction * inner.len() as f64).round() as usize;
     let mut drawn = inner[..count].to_vec();
-    drawn.extend((0..topology.faces.len() as u32).filter(|&face| sides(face) == 1));
+    drawn.extend((0..topology.connectivity().faces.len() as u32).filter(|&face| sides(face) == 1));
     drawn.sort_unstable();
     (drawn, count == inner.len())
 }

@@ -46,7 +46,8 @@ use rayon::prelude::*;
 use super::curve::{CurveKey, cell_curve_index, curve_index, sort_along_curve};
 use super::repair::{self, Orientation};
 use super::{
-    FarParts, Mesh, MeshError, NONE, Positions, RawMesh, RepairReport, Split, WorstCell, faces, split, tet_aspect_ratio,
+    FarParts, Mesh, MeshError, NONE, Positions, RawMesh, RepairReport, Split, Topology, WorstCell, split,
+    tet_aspect_ratio,
 };
 
 impl Mesh {
@@ -126,10 +127,11 @@ impl Mesh {
         let split_cells = split.split_cells(&cell_source, &vertex_source, points_in);
         // At most the number of points, which was checked above.
         let vertex_count = vertex_source.len() as u32;
-        let (topology, non_manifold_faces) = faces::connect(vertex_count, tets);
-        report.non_manifold_faces = non_manifold_faces;
-        report.boundary_faces = topology.boundary_faces().count() as u64;
-        let parts = topology.parts();
+        let topology = Topology::of_cells(vertex_count, tets);
+        let connectivity = topology.connectivity();
+        report.non_manifold_faces = connectivity.non_manifold_faces();
+        report.boundary_faces = connectivity.boundary_faces().count() as u64;
+        let parts = connectivity.parts();
         report.parts = parts.1.len() as u64;
         report.far_parts = FarParts::of(&topology.tets, parts, &positions, &cell_source);
         report.worst_cells = worst_cells(&topology.tets, &positions.local, &cell_source);

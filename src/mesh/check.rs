@@ -3,16 +3,13 @@
 use super::faces::{ascending_face, winding_is_even};
 use super::repair::{check_counts, check_indices};
 use super::topology::{check_length, check_orientation};
-use super::{CellNeighbour, Mesh, MeshError, NONE, Topology};
+use super::{CellNeighbour, Connectivity, Mesh, MeshError, NONE, Topology};
 
-impl Topology {
+impl Connectivity {
     /// Checks the lengths and index ranges of all arrays.
-    pub(super) fn check_ranges(&self) -> Result<(), MeshError> {
-        let (cells, vertices) = (self.tets.len(), self.vertex_count);
-        check_counts(cells, vertices as usize)?;
+    fn check_ranges(&self, cells: usize, vertices: u32) -> Result<(), MeshError> {
         check_length("neighbours", self.neighbours.len(), cells)?;
         check_length("face_cells", self.face_cells.len(), self.faces.len())?;
-        check_indices(&self.tets, vertices as usize)?;
         let is_cell = |cell: u32| (cell as usize) < cells;
 
         let is_bad = |[a, b, c]: [u32; 3]| !(a < b && b < c && c < vertices);
@@ -34,6 +31,16 @@ impl Topology {
         let boundary = self.boundary_faces().count();
         check_length("faces of all cells", 2 * self.faces.len() - boundary, 4 * cells)
     }
+}
+
+impl Topology {
+    /// Checks the lengths and index ranges of all arrays.
+    pub(super) fn check_ranges(&self) -> Result<(), MeshError> {
+        let vertices = self.vertex_count;
+        check_counts(self.tets.len(), vertices as usize)?;
+        check_indices(&self.tets, vertices as usize)?;
+        self.connectivity().check_ranges(self.tets.len(), vertices)
+    }
 
     /// Checks that all arrays agree: neighbours are mutual, share the face between them and lie on opposite sides of it; faces are sorted
     /// and are those of their cells; every face of every cell is listed.
@@ -42,13 +49,14 @@ impl Topology {
     /// The first contradiction.
     pub fn check(&self) -> Result<(), MeshError> {
         self.check_ranges()?;
-        for (cell, sides) in (0u32..).zip(&self.neighbours) {
+        let connectivity = self.connectivity();
+        for (cell, sides) in (0u32..).zip(&connectivity.neighbours) {
             for (local, &across) in (0u32..).zip(sides) {
                 self.check_side(CellNeighbour::new(cell, local), across)
                     .map_err(|problem| MeshError::bad_entry("neighbours", cell as usize, problem))?;
             }
         }
-        let keys = || self.faces.iter().zip(&self.face_cells);
+        let keys = || connectivity.faces.iter().zip(&connectivity.face_cells);
         if let Some(face) = keys().zip(keys().skip(1)).position(|(a, b)| a >= b) {
             return Err(MeshError::bad_entry("faces", face + 1, "not in ascending order"));
         }
@@ -62,7 +70,7 @@ impl Topology {
     fn check_side(&self, side: CellNeighbour, across: CellNeighbour) -> Result<(), &'static str> {
         let Some(other) = across.cell() else { return Ok(()) };
         let cell = side.0 >> 2;
-        if self.neighbours[other as usize][across.opposite() as usize] != side {
+        if self.connectivity().neighbours[other as usize][across.opposite() as usize] != side {
             return Err("not mutual");
         }
         let face_of = |cell: u32, side: CellNeighbour| ascending_face(self.tets[cell as usize], side.opposite());
@@ -80,7 +88,7 @@ impl Topology {
         let tet = self.tets[first as usize];
         let local = (0..4).find(|&local| ascending_face(tet, local) == face);
         local.is_some_and(|local| {
-            self.neighbours[first as usize][local as usize].cell() == (second != NONE).then_some(second)
+            self.connectivity().neighbours[first as usize][local as usize].cell() == (second != NONE).then_some(second)
         })
     }
 }

@@ -15,7 +15,7 @@
 //! All cells are positively oriented, hence the parity of a face's outward winding relative to ascending order tells on which side its cell
 //! lies: no coordinates are needed. Two cells on the same side overlap.
 
-use super::{CellNeighbour, FACE_VERTICES, NONE, Topology};
+use super::{CellNeighbour, Connectivity, FACE_VERTICES, NONE};
 use std::ops::Range;
 
 /// A face seen from one of its cells, in the bucket of its lowest vertex.
@@ -35,34 +35,32 @@ const PARTS: usize = 8;
 /// Cells per block; blocks outside of a part's vertex range are skipped.
 const BLOCK: usize = 1024;
 
-/// Derives faces and neighbours of positively oriented `tets` with indices below `vertex_count`. Also returns the number of non-manifold
-/// triangles.
-pub(super) fn connect(vertex_count: u32, tets: Vec<[u32; 4]>) -> (Topology, u64) {
+/// Derives faces and neighbours of positively oriented `tets` with indices below `vertex_count`.
+pub(super) fn connect(vertex_count: u32, tets: &[[u32; 4]]) -> Connectivity {
     let most = PART.max((4 * tets.len()).div_ceil(PARTS));
     connect_in_parts(vertex_count, tets, most)
 }
 
 /// [`connect`] by parts of at most `most` half-faces each, or of a single vertex.
-pub(super) fn connect_in_parts(vertex_count: u32, tets: Vec<[u32; 4]>, most: usize) -> (Topology, u64) {
-    let starts = bucket_starts(vertex_count, &tets);
+pub(super) fn connect_in_parts(vertex_count: u32, tets: &[[u32; 4]], most: usize) -> Connectivity {
+    let starts = bucket_starts(vertex_count, tets);
     let blocks: Vec<[u32; 2]> = tets.chunks(BLOCK).map(lowest_in).collect();
     let mut faces = Vec::new();
     let mut face_cells = Vec::new();
     let mut neighbours = vec![[CellNeighbour::NONE; 4]; tets.len()];
-    let mut non_manifold = 0;
     let (mut first, mut half_faces) = (0, Vec::new());
     while first < vertex_count {
         let begin = starts[first as usize];
         let fits = |end: &&u32| (**end - begin) as usize <= most;
         let behind = first + 1 + starts[first as usize + 2..].iter().take_while(fits).count() as u32;
         let part = Part { vertices: first..behind, starts: &starts[first as usize..=behind as usize] };
-        part.find(&tets, &blocks, &mut half_faces);
-        let face_count: usize = part.runs(&half_faces).map(|(_, run)| Junction::of(run, &tets).face_count()).sum();
+        part.find(tets, &blocks, &mut half_faces);
+        let face_count: usize = part.runs(&half_faces).map(|(_, run)| Junction::of(run, tets).face_count()).sum();
         faces.reserve_exact(face_count);
         face_cells.reserve_exact(face_count);
         for (lowest, run) in part.runs(&half_faces) {
             let face = [lowest, run[0].others[0], run[0].others[1]];
-            match Junction::of(run, &tets) {
+            match Junction::of(run, tets) {
                 Junction::Interior(first, second) => {
                     faces.push(face);
                     face_cells.push([first.cell, second.cell].map(cell_of));
@@ -70,7 +68,6 @@ pub(super) fn connect_in_parts(vertex_count: u32, tets: Vec<[u32; 4]>, most: usi
                     *side_mut(&mut neighbours, second.cell) = first.cell;
                 }
                 Junction::Boundary(half_faces) => {
-                    non_manifold += u64::from(half_faces.len() > 1);
                     for half_face in half_faces {
                         faces.push(face);
                         face_cells.push([cell_of(half_face.cell), NONE]);
@@ -80,7 +77,7 @@ pub(super) fn connect_in_parts(vertex_count: u32, tets: Vec<[u32; 4]>, most: usi
         }
         first = behind;
     }
-    (Topology { vertex_count, tets, neighbours, faces, face_cells }, non_manifold)
+    Connectivity { neighbours, faces, face_cells }
 }
 
 /// The cells that meet at one triangle.
@@ -199,8 +196,12 @@ pub(super) fn ascending_face(tet: [u32; 4], local: u32) -> [u32; 3] {
 /// Whether the outward winding of a cell's face is an even permutation of its ascending vertices. Cells on opposite
 /// sides of a shared face differ in this.
 pub(super) fn winding_is_even(side: CellNeighbour, tets: &[[u32; 4]]) -> bool {
-    let tet = tets[cell_of(side) as usize];
-    let [a, b, c] = FACE_VERTICES[side.opposite() as usize].map(|i| tet[i]);
+    is_even(tets[cell_of(side) as usize], side.opposite())
+}
+
+/// [`winding_is_even`] of face `local` of a cell with these vertices.
+pub(super) fn is_even(tet: [u32; 4], local: u32) -> bool {
+    let [a, b, c] = FACE_VERTICES[local as usize].map(|i| tet[i]);
     ((a > b) ^ (b > c)) == (a > c)
 }
 

@@ -40,7 +40,7 @@ impl Bounds {
 
 impl FarParts {
     /// The far parts of a mesh; `None` if there are none, or if what is left would be less than half of the cells: there is no rest then
-    /// that a picture could be of. `part_of_cell` and `sizes` are those of [`Topology::parts`](super::Topology::parts).
+    /// that a picture could be of. `part_of_cell` and `sizes` are those of [`Connectivity::parts`](super::Connectivity::parts).
     ///
     /// The rest grows from the largest part, by the others in the order of their distances from it.
     pub(super) fn of(

@@ -1,8 +1,9 @@
-//! Tetrahedral meshes. Connectivity ([`Topology`]) is apart from coordinates ([`Positions`]), because it stays the same when vertices move.
+//! Tetrahedral meshes. Cells and their connectivity ([`Topology`]) are apart from coordinates ([`Positions`]), because they stay the same when vertices move.
 
 mod build;
 mod cells_around;
 mod check;
+mod connectivity;
 pub mod contour;
 mod curve;
 mod error;
@@ -31,6 +32,7 @@ mod tests;
 mod topology;
 
 pub use cells_around::CellsAround;
+pub use connectivity::{CellNeighbour, Connectivity, NONE};
 pub use error::MeshError;
 pub use far::FarParts;
 pub use geometry::{tet_aspect_ratio, tet_volume};
@@ -42,7 +44,7 @@ pub use source_cells::SourceCells;
 pub(crate) use split::split_from_corners;
 pub use split::{Cells, POLYHEDRON_VTK_TYPE, Solid, SolidShape, Solids, Split, SplitCells, gather, split};
 pub use steiner::SteinerPoints;
-pub use topology::{CellNeighbour, FACE_VERTICES, NONE, Topology};
+pub use topology::{FACE_VERTICES, Topology};
 
 use glam::DVec3;
 use std::sync::OnceLock;
@@ -59,7 +61,7 @@ pub struct RawMesh {
 /// A repaired mesh in curve order, with maps back to the file's numbering.
 #[derive(Clone, Debug)]
 pub struct Mesh {
-    /// Connectivity.
+    /// Cells and their connectivity.
     pub topology: Topology,
     /// Coordinates.
     pub positions: Positions,

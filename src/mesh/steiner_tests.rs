@@ -215,7 +215,8 @@ fn a_side_of_several_faces_that_have_no_vertex_in_common_is_left_open_by_none() 
     let ((of_before, before), after) = (built_from_corners(&raw), built(&raw));
     assert_eq!((before.gapped_cells, before.warped_cells, before.steiner_cells), (1, 0, 0));
     let outside = |mesh: &Mesh| {
-        let faces = mesh.topology.boundary_faces().map(|face| mesh.topology.faces[face as usize]);
+        let faces =
+            mesh.topology.connectivity().boundary_faces().map(|face| mesh.topology.connectivity().faces[face as usize]);
         faces.map(|face| sorted(face.map(|v| mesh.vertex_source[v as usize]))).collect::<BTreeSet<_>>()
     };
     let expected: BTreeSet<_> = triangles(&raw.cells)[0].iter().map(|&triangle| sorted(triangle)).collect();
@@ -315,8 +316,8 @@ fn assert_filled(raw: &RawMesh, tally: &mut Tally) {
             owners.entry(sorted(triangle)).or_default().push(cell);
         }
     }
-    for face in mesh.topology.boundary_faces() {
-        let face = mesh.topology.faces[face as usize];
+    for face in mesh.topology.connectivity().boundary_faces() {
+        let face = mesh.topology.connectivity().faces[face as usize];
         // A face within a cell that is not filled is none of the cells' faces.
         let owners = owners.get(&face).map_or(&[][..], Vec::as_slice);
         let is_excused =

@@ -8,7 +8,9 @@ use proptest::prelude::*;
 use super::curve::{ascending, cell_curve_index, curve_index};
 use super::faces::{ascending_face, connect_in_parts};
 use super::test_meshes::{Random, jittered, kuhn_grid, kuhn_grid_of, shuffled};
-use super::{CellNeighbour, Mesh, MeshError, NONE, Positions, RawMesh, RepairReport, Topology, tet_volume};
+use super::{
+    CellNeighbour, Connectivity, Mesh, MeshError, NONE, Positions, RawMesh, RepairReport, Topology, tet_volume,
+};
 
 fn build(raw: &RawMesh) -> (Mesh, RepairReport) {
     let (mesh, report) = Mesh::build(raw.clone()).unwrap();
@@ -30,11 +32,12 @@ fn a_regular_grid_has_the_counts_of_its_closed_form() {
         assert_eq!(report.cells_out, 6 * n.pow(3));
         assert_eq!(report.vertices_out, (n + 1).pow(3));
         assert_eq!(report.boundary_faces, boundary);
-        assert_eq!(mesh.topology.faces.len() as u64, (24 * n.pow(3) + boundary) / 2);
+        assert_eq!(mesh.topology.connectivity().faces.len() as u64, (24 * n.pow(3) + boundary) / 2);
         assert_eq!(report.parts, 1);
         // Vertices - edges + faces - cells of a ball is 1.
-        let edges: BTreeSet<_> = mesh.topology.faces.iter().flat_map(|&[a, b, c]| [[a, b], [a, c], [b, c]]).collect();
-        let euler = report.vertices_out as i64 - edges.len() as i64 + mesh.topology.faces.len() as i64
+        let edges: BTreeSet<_> =
+            mesh.topology.connectivity().faces.iter().flat_map(|&[a, b, c]| [[a, b], [a, c], [b, c]]).collect();
+        let euler = report.vertices_out as i64 - edges.len() as i64 + mesh.topology.connectivity().faces.len() as i64
             - report.cells_out as i64;
         assert_eq!(euler, 1);
     }
@@ -55,9 +58,9 @@ fn a_single_tet_is_a_mesh() {
     let (mesh, report) = build(&unit_tet());
     assert!(report.is_clean());
     assert_eq!(report.to_string(), "1 cell, 4 vertices, 4 boundary faces, 1 part");
-    assert_eq!(mesh.topology.faces, [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]);
-    assert_eq!(mesh.topology.face_cells, [[0, NONE]; 4]);
-    assert_eq!(mesh.topology.neighbours, [[CellNeighbour::NONE; 4]]);
+    assert_eq!(mesh.topology.connectivity().faces, [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]);
+    assert_eq!(mesh.topology.connectivity().face_cells, [[0, NONE]; 4]);
+    assert_eq!(mesh.topology.connectivity().neighbours, [[CellNeighbour::NONE; 4]]);
 }
 
 #[test]
@@ -102,7 +105,7 @@ fn two_cells_on_the_same_side_of_a_face_are_not_neighbours() {
     raw.cells.tets.push([0, 1, 2, 4]);
     let (mesh, report) = build(&raw);
     assert_eq!((report.non_manifold_faces, report.boundary_faces, report.parts), (1, 8, 2));
-    assert_eq!(mesh.topology.faces.len(), 8, "the shared face is listed for each of its cells");
+    assert_eq!(mesh.topology.connectivity().faces.len(), 8, "the shared face is listed for each of its cells");
     assert!(report.to_string().contains("\nfaces of more than two cells, or of overlapping ones"));
 }
 
@@ -113,7 +116,7 @@ fn a_face_of_three_cells_is_boundary_for_all_of_them() {
     raw.cells.tets.extend([[0, 1, 2, 4], [0, 1, 2, 5]]);
     let (mesh, report) = build(&raw);
     assert_eq!((report.non_manifold_faces, report.boundary_faces, report.parts), (1, 12, 3));
-    assert!(mesh.topology.neighbours.iter().flatten().all(|side| *side == CellNeighbour::NONE));
+    assert!(mesh.topology.connectivity().neighbours.iter().flatten().all(|side| *side == CellNeighbour::NONE));
 }
 
 #[test]
@@ -235,7 +238,7 @@ fn labelled_faces(mesh: &Mesh, label: impl Fn(u32) -> u32) -> BTreeSet<([u32; 3]
         cells.sort_unstable();
         (vertices, cells)
     };
-    mesh.topology.faces.iter().zip(&mesh.topology.face_cells).map(face).collect()
+    mesh.topology.connectivity().faces.iter().zip(&mesh.topology.connectivity().face_cells).map(face).collect()
 }
 
 /// Number of each kind of defect to add.
@@ -328,9 +331,9 @@ proptest! {
         mesh.check().unwrap();
         prop_assert_eq!(labelled_faces(&mesh, |v| labels[v as usize]), labelled_faces(&expected, |v| v));
         // Every inner face belongs to two cells, each of which has it as one of four.
-        let inner = mesh.topology.face_cells.iter().filter(|cells| cells[1] != NONE).count();
-        prop_assert_eq!(mesh.topology.faces.len() + inner, 4 * mesh.topology.tets.len());
-        prop_assert_eq!(report.boundary_faces, (mesh.topology.faces.len() - inner) as u64);
+        let inner = mesh.topology.connectivity().face_cells.iter().filter(|cells| cells[1] != NONE).count();
+        prop_assert_eq!(mesh.topology.connectivity().faces.len() + inner, 4 * mesh.topology.tets.len());
+        prop_assert_eq!(report.boundary_faces, (mesh.topology.connectivity().faces.len() - inner) as u64);
         // Volumes are positive, and their sum does not depend on the order but for rounding: each of N is below the sum V, so that
         // adding them rounds by N V ulp at most; what corners in another order round to is far below.
         let cells = mesh.topology.tets.len() as u32;
@@ -345,16 +348,15 @@ proptest! {
         let Ok((mesh, report)) = Mesh::build(raw) else { return Ok(()) };
         mesh.check().unwrap();
         let (neighbours, non_manifold) = naive_neighbours(&mesh.topology.tets, &mesh.positions);
-        prop_assert_eq!(&mesh.topology.neighbours, &neighbours);
+        prop_assert_eq!(&mesh.topology.connectivity().neighbours, &neighbours);
         for most in [1, 7, 30] {
-            let Topology { vertex_count, tets, .. } = mesh.topology.clone();
-            let in_parts = connect_in_parts(vertex_count, tets, most);
-            prop_assert_eq!(&in_parts, &(mesh.topology.clone(), report.non_manifold_faces), "parts of {}", most);
+            let in_parts = connect_in_parts(mesh.topology.vertex_count, &mesh.topology.tets, most);
+            prop_assert_eq!(&in_parts, mesh.topology.connectivity(), "parts of {}", most);
         }
         prop_assert_eq!(report.non_manifold_faces, non_manifold);
         let sides = neighbours.iter().flatten().filter(|side| **side == CellNeighbour::NONE).count();
         prop_assert_eq!(report.boundary_faces, sides as u64);
-        prop_assert_eq!(2 * mesh.topology.faces.len() - sides, 4 * mesh.topology.tets.len());
+        prop_assert_eq!(2 * mesh.topology.connectivity().faces.len() - sides, 4 * mesh.topology.tets.len());
     }
 
     #[test]
@@ -411,9 +413,10 @@ fn a_fan_around_one_vertex_is_whole() {
 fn stored_cells_give_the_topology_that_was_built() {
     let (mesh, _) = build(&jittered(kuhn_grid([3, 2, 3]), &mut Random::new(3)));
     let topology = mesh.topology;
-    let (again, non_manifold) =
-        Topology::from_tets(topology.vertex_count, topology.tets.clone(), &mesh.positions).unwrap();
-    assert_eq!((&again, non_manifold), (&topology, 0));
+    let again = Topology::from_tets(topology.vertex_count, topology.tets.clone(), &mesh.positions).unwrap();
+    assert_eq!(again.known_connectivity(), None, "it is made when first asked for");
+    assert_eq!((&again.tets, again.connectivity()), (&topology.tets, topology.connectivity()));
+    assert_eq!(again.known_connectivity(), Some(topology.connectivity()));
 
     let mut turned = topology.tets.clone();
     turned[5].swap(0, 1);
@@ -427,9 +430,8 @@ fn stored_cells_give_the_topology_that_was_built() {
 fn stored(topology: &Topology, spoil: impl Fn(&mut Topology)) -> Result<Topology, MeshError> {
     let mut spoilt = topology.clone();
     spoil(&mut spoilt);
-    let Topology { vertex_count, tets, neighbours, faces, face_cells } = spoilt;
-    let neighbours = neighbours.into_iter().map(|sides| sides.map(|side| side.0)).collect();
-    Topology::from_parts(vertex_count, tets, faces, face_cells, neighbours)
+    let connectivity = spoilt.connectivity().clone();
+    Topology::from_parts(spoilt.vertex_count, spoilt.tets, connectivity)
 }
 
 #[test]
@@ -437,18 +439,24 @@ fn stored_arrays_that_lead_out_of_bounds_are_refused() {
     let topology = build(&kuhn_grid([1, 1, 1])).0.topology;
     assert_eq!(stored(&topology, |_| ()).as_ref(), Ok(&topology));
     type Spoil = fn(&mut Topology);
+    fn known(topology: &mut Topology) -> &mut Connectivity {
+        topology.connectivity.get_mut().unwrap()
+    }
     let spoilers: [(&str, Spoil); 11] = [
         ("cell 2 names point 8", |t| t.tets[2][1] = 8),
         ("names point 7, but there are 7", |t| t.vertex_count = 7),
-        ("neighbours has 5 entries instead of 6", |t| t.neighbours.truncate(5)),
-        ("neighbours, entry 1", |t| t.neighbours[1][3] = CellNeighbour::new(6, 0)),
-        ("faces, entry 4", |t| t.faces[4][2] = 8),
-        ("faces, entry 4", |t| t.faces[4].swap(0, 1)),
-        ("face_cells has 17 entries instead of 18", |t| t.face_cells.truncate(17)),
-        ("face_cells, entry 0", |t| t.face_cells[0][0] = 6),
-        ("face_cells, entry 0", |t| t.face_cells[0] = [1, 1]),
-        ("face_cells, entry 3", |t| t.face_cells[3] = [NONE, NONE]),
-        ("faces of all cells has", |t| (t.faces.truncate(17), t.face_cells.truncate(17)).0),
+        ("neighbours has 5 entries instead of 6", |t| known(t).neighbours.truncate(5)),
+        ("neighbours, entry 1", |t| known(t).neighbours[1][3] = CellNeighbour::new(6, 0)),
+        ("faces, entry 4", |t| known(t).faces[4][2] = 8),
+        ("faces, entry 4", |t| known(t).faces[4].swap(0, 1)),
+        ("face_cells has 17 entries instead of 18", |t| known(t).face_cells.truncate(17)),
+        ("face_cells, entry 0", |t| known(t).face_cells[0][0] = 6),
+        ("face_cells, entry 0", |t| known(t).face_cells[0] = [1, 1]),
+        ("face_cells, entry 3", |t| known(t).face_cells[3] = [NONE, NONE]),
+        ("faces of all cells has", |t| {
+            known(t).faces.truncate(17);
+            known(t).face_cells.truncate(17);
+        }),
     ];
     for (expected, spoil) in spoilers {
         let message = stored(&topology, spoil).unwrap_err().to_string();
@@ -459,17 +467,20 @@ fn stored_arrays_that_lead_out_of_bounds_are_refused() {
 #[test]
 fn arrays_that_contradict_each_other_are_found() {
     let mesh = build(&kuhn_grid([2, 1, 1])).0;
-    let interior = mesh.topology.face_cells.iter().position(|cells| cells[1] != NONE).unwrap();
-    let side = mesh.topology.neighbours[0].iter().position(|side| *side != CellNeighbour::NONE).unwrap();
+    let interior = mesh.topology.connectivity().face_cells.iter().position(|cells| cells[1] != NONE).unwrap();
+    let side = mesh.topology.connectivity().neighbours[0].iter().position(|side| *side != CellNeighbour::NONE).unwrap();
+    fn known(mesh: &mut Mesh) -> &mut Connectivity {
+        mesh.topology.connectivity.get_mut().unwrap()
+    }
     let found = |spoil: &dyn Fn(&mut Mesh)| {
         let mut spoilt = mesh.clone();
         spoil(&mut spoilt);
         spoilt.check().unwrap_err().to_string()
     };
-    assert!(found(&|m| m.topology.neighbours[0][side] = CellNeighbour::NONE).contains("not mutual"));
+    assert!(found(&|m| known(m).neighbours[0][side] = CellNeighbour::NONE).contains("not mutual"));
     assert!(found(&|m| m.topology.tets[0].swap(0, 1)).starts_with("neighbours"));
-    assert!(found(&|m| m.topology.faces.swap(2, 3)).contains("ascending order"));
-    assert!(found(&|m| m.topology.face_cells[interior][1] ^= 1).contains("face_cells"));
+    assert!(found(&|m| known(m).faces.swap(2, 3)).contains("ascending order"));
+    assert!(found(&|m| known(m).face_cells[interior][1] ^= 1).contains("face_cells"));
     assert!(found(&|m| m.positions.local.iter_mut().for_each(|p| p.x = -p.x)).contains("inside out"));
     assert!(found(&|m| m.cell_source.truncate(3)).contains("cell_source"));
     let unused = |m: &mut Mesh| {

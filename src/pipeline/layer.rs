@@ -83,7 +83,7 @@ pub struct TetLayer {
     /// The surfaces of the domain and of regions, once for each way to draw one; of two at the same depth the first lies in front.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub domain: Vec<DomainSurface>,
-    /// Numbers of the connected parts of the mesh that are shown ([`Topology::parts`](crate::mesh::Topology::parts)); empty: all.
+    /// Numbers of the connected parts of the mesh that are shown ([`Connectivity::parts`](crate::mesh::Connectivity::parts)); empty: all.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<u32>,
     /// The regions of the mesh that are shown; `None`: all.

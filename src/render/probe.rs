@@ -136,7 +136,7 @@ impl<'a> Ray<'a> {
         ends.map(|depth| {
             let weights = cell.weights(self.at(depth));
             let (face, weight) = (0..4).zip(weights).min_by(|a, b| a.1.total_cmp(&b.1))?;
-            let behind = job.mesh.topology.neighbours[number as usize][face].cell();
+            let behind = job.mesh.topology.connectivity().neighbours[number as usize][face].cell();
             let ending = around.iter().filter(|shell| !behind.is_some_and(|cell| shell.cells.contains(cell)));
             let opacity = 1.0 - ending.map(|shell| 1.0 - shell.surface.opacity).product::<f64>();
             (opacity > 0.0 && weight < ON_FACE).then_some((depth, opacity))

@@ -7,7 +7,7 @@ use super::split_cells;
 use crate::codec::{ArraySpec, ChunkSink, Chunking, Element, ElementType, ReadRange, chunk_key, to_bytes};
 use crate::error::{FileError, FileResult};
 use crate::field::Association;
-use crate::mesh::{Mesh, MeshError, Positions, RepairReport, SourceCells, Topology};
+use crate::mesh::{CellNeighbour, Connectivity, Mesh, MeshError, Positions, RepairReport, SourceCells, Topology};
 use glam::{DVec3, Vec3};
 use serde_json::{Map, Value, json};
 use std::path::Path;
@@ -82,9 +82,10 @@ pub(super) fn write(root: &Path, mesh: &Mesh, report: &RepairReport) -> FileResu
     let mut to = ArrayWriter::new(root, MESH);
     to.write::<f32, 3>("points", bytemuck::cast_slice(local), ["vertex", "axis"], frame)?;
     to.write("tets", &topology.tets, ["cell", "corner"], Map::new())?;
-    to.write("faces", &topology.faces, ["face", "corner"], derived())?;
-    to.write("face_cells", &topology.face_cells, ["face", "side"], derived())?;
-    to.write::<u32, 4>("neighbours", bytemuck::cast_slice(&topology.neighbours), ["cell", "face"], derived())?;
+    let Connectivity { neighbours, faces, face_cells } = topology.connectivity();
+    to.write("faces", faces, ["face", "corner"], derived())?;
+    to.write("face_cells", face_cells, ["face", "side"], derived())?;
+    to.write::<u32, 4>("neighbours", bytemuck::cast_slice(neighbours), ["cell", "face"], derived())?;
     to.write("vertex_permutation", column(&mesh.vertex_source), ["vertex", ""], Map::new())?;
     to.write("cell_permutation", column(&mesh.cell_source), ["cell", ""], Map::new())?;
     if mesh.cell_turned.contains(&true) {
@@ -116,12 +117,12 @@ impl StoredMesh {
         Ok(Self { points, tets, vertices, cells, attributes })
     }
 
-    /// Reads the mesh; derives faces and neighbours again if they are missing, damaged or of another version.
+    /// Reads the mesh; faces and neighbours are derived when they are asked for if they are missing, damaged or of another version.
     pub(super) fn read(&self, root: &Path, source: &dyn ReadRange) -> FileResult<Mesh> {
         let positions = self.read_positions(root, source)?;
         let topology = match self.read_derived(root, source, self.tets.read(source)?) {
             Some(topology) => topology,
-            None => self.derive(root, source, &positions)?,
+            None => self.without_derived(root, source, &positions)?,
         };
         let vertex_source = read_permutation(root, source, "vertex_permutation", self.vertices)?;
         let cell_source = read_permutation(root, source, "cell_permutation", self.cells)?;
@@ -183,16 +184,16 @@ impl StoredMesh {
         let faces = read_current(root, source, "faces")?;
         let face_cells = read_current(root, source, "face_cells")?;
         let neighbours = read_current(root, source, "neighbours")?;
-        Topology::from_parts(vertices, tets, faces, face_cells, neighbours).ok()
+        let neighbours = neighbours.into_iter().map(|sides| sides.map(CellNeighbour)).collect();
+        Topology::from_parts(vertices, tets, Connectivity { neighbours, faces, face_cells }).ok()
     }
 
-    fn derive(&self, root: &Path, source: &dyn ReadRange, positions: &Positions) -> FileResult<Topology> {
+    fn without_derived(&self, root: &Path, source: &dyn ReadRange, positions: &Positions) -> FileResult<Topology> {
         let vertices = u32::try_from(self.vertices).map_err(|_| {
             FileError::unsupported(root, MESH, format!("has {} vertices: more than can be numbered", self.vertices))
         })?;
         let tets = self.tets.read::<u32, 4>(source)?;
-        let derived = Topology::from_tets(vertices, tets, positions).map_err(|e| mesh_error(root, &e));
-        derived.map(|(topology, _non_manifold)| topology)
+        Topology::from_tets(vertices, tets, positions).map_err(|e| mesh_error(root, &e))
     }
 }
 

@@ -246,7 +246,7 @@ impl Session {
 
     /// Number of cells of each connected part of the mesh, the largest first.
     pub fn part_sizes(&self) -> &[usize] {
-        self.part_sizes.get_or_init(|| self.series().mesh().topology.parts().1)
+        self.part_sizes.get_or_init(|| self.series().mesh().topology.connectivity().parts().1)
     }
 
     /// The path that opens the store or its source again.

@@ -58,7 +58,7 @@ impl Elements {
     /// Their number in a mesh.
     fn count(self, mesh: &Mesh) -> usize {
         match self {
-            Self::Faces => mesh.topology.faces.len(),
+            Self::Faces => mesh.topology.connectivity().faces.len(),
             Self::Cells => mesh.topology.tets.len(),
         }
     }
@@ -187,8 +187,9 @@ impl DepthOrder {
         let id = |at: usize| listed.map_or(at as u32, |ids| ids[at]);
         match elements {
             Elements::Faces => {
+                let faces = &topology.connectivity().faces;
                 let key = |face: u32| {
-                    let [a, b, c] = topology.faces[face as usize].map(at);
+                    let [a, b, c] = faces[face as usize].map(at);
                     a + b + c
                 };
                 radix.sort(count, id, key, range, cancel)

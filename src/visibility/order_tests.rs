@@ -19,7 +19,7 @@ fn whole(mesh: &Mesh) -> Arc<Selection> {
 }
 
 fn some(mesh: &Mesh, is_in: impl Fn(u32) -> bool + Sync) -> Arc<Selection> {
-    let faces = IdSet::of(mesh.topology.faces.len(), |face| is_in(face as u32));
+    let faces = IdSet::of(mesh.topology.connectivity().faces.len(), |face| is_in(face as u32));
     let is_complete = faces.count() == faces.universe();
     Arc::new(Selection { ids: faces, is_complete })
 }
@@ -28,7 +28,7 @@ fn some(mesh: &Mesh, is_in: impl Fn(u32) -> bool + Sync) -> Arc<Selection> {
 fn naive(mesh: &Mesh, direction: DVec3, selection: &Selection) -> Vec<u32> {
     let depth: Vec<f32> = mesh.positions.local.iter().map(|p| direction.dot(p.as_dvec3()) as f32).collect();
     let key = |face: u32| {
-        let [a, b, c] = mesh.topology.faces[face as usize].map(|v| depth[v as usize]);
+        let [a, b, c] = mesh.topology.connectivity().faces[face as usize].map(|v| depth[v as usize]);
         a + b + c
     };
     let mut faces: Vec<u32> =
@@ -75,7 +75,7 @@ proptest! {
 #[test]
 fn the_order_is_the_same_with_any_number_of_threads() {
     let mesh = grid([24, 24, 24]);
-    assert!(mesh.topology.faces.len() > 2 * super::parts::CHUNK, "several chunks");
+    assert!(mesh.topology.connectivity().faces.len() > 2 * super::parts::CHUNK, "several chunks");
     let direction = DVec3::new(0.3, -0.7, 0.6);
     let part = some(&mesh, |face| face % 3 != 0);
     let run = |threads| {

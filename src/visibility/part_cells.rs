@@ -17,7 +17,7 @@ impl PartCells {
     /// The cells of `activity` that belong to these parts of the mesh.
     pub fn restrict(&mut self, mesh: &Arc<Mesh>, parts: &[u32], activity: Activity) -> Activity {
         if self.of.as_ptr() != Arc::as_ptr(mesh) || self.parts != parts {
-            let (part, sizes) = mesh.topology.parts();
+            let (part, sizes) = mesh.topology.connectivity().parts();
             let mut is_shown = vec![false; sizes.len()];
             for &part in parts {
                 is_shown.get_mut(part as usize).into_iter().for_each(|is_shown| *is_shown = true);
@@ -47,10 +47,10 @@ mod tests {
             raw.cells.tets.extend(more.cells.tets.iter().map(|tet| tet.map(|v| v + first)));
         }
         let mesh = Arc::new(Mesh::build(raw).unwrap().0);
-        let (part, sizes) = mesh.topology.parts();
+        let (part, sizes) = mesh.topology.connectivity().parts();
         assert_eq!(sizes, [48, 36, 6, 6]);
         assert_eq!((0..4).map(|p| part.iter().filter(|q| **q == p).count()).collect::<Vec<_>>(), sizes);
-        assert_eq!(sizes.len() as u64, mesh.topology.count_parts());
+        assert_eq!(sizes.len() as u64, mesh.topology.connectivity().count_parts());
         let first = |p: u32| part.iter().position(|q| *q == p);
         assert!(first(2) < first(3), "of equal ones the one with the lower cell");
         let all = Arc::new(CellSet::all(part.len()));

@@ -30,7 +30,7 @@ fn mean_square(a: &RenderJob, whole: &[[f32; 4]]) -> f64 {
 
 /// The job with the first faces of a ranking, at a level.
 fn at_level(job: &RenderJob, ranking: &[u32], level: f64) -> RenderJob {
-    let mut is_drawn = vec![false; job.mesh.topology.faces.len()];
+    let mut is_drawn = vec![false; job.mesh.topology.connectivity().faces.len()];
     ranking[..(level * ranking.len() as f64).round() as usize].iter().for_each(|&face| is_drawn[face as usize] = true);
     with_faces(job, |face| is_drawn[face as usize])
 }

@@ -390,7 +390,7 @@ fn drawn(job: &RenderJob, selection: Selection, active: Arc<CellSet>) -> RgbaIma
 /// Faces at which a set of cells ends, and faces between two of its cells.
 fn count_faces(topology: &Topology, cells: &CellSet) -> (usize, usize) {
     let (mut surface, mut inner) = (IdSet::default(), IdSet::default());
-    surface.set_boundary_of(cells, &topology.face_cells, &mut inner);
+    surface.set_boundary_of(cells, &topology.connectivity().face_cells, &mut inner);
     (surface.count(), inner.count())
 }
 

@@ -109,7 +109,7 @@ impl Domain<'_> {
     /// # Panics
     /// As [`Domain::contour`].
     pub fn boundary(&self) -> Surface {
-        let Topology { tets, neighbours, .. } = self.topology;
+        let (tets, neighbours) = (&self.topology.tets, &self.topology.connectivity().neighbours);
         let triangles = Triangles::collect(tets, |cell, tet, out| {
             if self.is_hole(cell, *tet) {
                 return;

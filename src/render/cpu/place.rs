@@ -122,7 +122,7 @@ mod tests {
     use crate::render::{Frame, OpticsTables, Renderer, testing};
 
     fn all_faces(mesh: &Mesh) -> Arc<Drawn> {
-        Arc::new(Drawn { ids: (0..mesh.topology.faces.len() as u32).collect(), is_complete: true })
+        Arc::new(Drawn { ids: (0..mesh.topology.connectivity().faces.len() as u32).collect(), is_complete: true })
     }
 
     /// One job for each renderer.

@@ -93,13 +93,13 @@ impl DomainFaces {
         if self.of.as_ptr() == Arc::as_ptr(mesh) && self.cells.as_ptr() == Arc::as_ptr(cells) {
             return;
         }
-        let topology = &mesh.topology;
+        let connectivity = mesh.topology.connectivity();
         let is_in = |cell: u32| cell != NONE && cells.contains(cell);
         // Faces with their single cell of these.
-        let found: Vec<([u32; 3], u32)> = topology
+        let found: Vec<([u32; 3], u32)> = connectivity
             .faces
             .par_iter()
-            .zip(&topology.face_cells)
+            .zip(&connectivity.face_cells)
             .filter_map(|(face, &[a, b])| match (is_in(a), is_in(b)) {
                 (true, false) => Some((*face, a)),
                 (false, true) => Some((*face, b)),

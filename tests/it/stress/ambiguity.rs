@@ -16,10 +16,11 @@ pub fn rays_in_boundary_faces(job: &RenderJob) -> Vec<bool> {
     let topology = &job.mesh.topology;
     let is_active = |cell: u32| cell != NONE && job.active.contains(cell);
     let to_view = |v: u32| view.to_view(job.mesh.positions.local[v as usize].as_dvec3());
-    let boundary = topology.face_cells.iter().zip(&topology.faces).filter(|(cells, _)| {
-        let [first, second] = cells.map(is_active);
-        first != second
-    });
+    let boundary =
+        topology.connectivity().face_cells.iter().zip(&topology.connectivity().faces).filter(|(cells, _)| {
+            let [first, second] = cells.map(is_active);
+            first != second
+        });
     let faces: Vec<[DVec3; 3]> = boundary.map(|(_, face)| face.map(to_view)).collect();
     let pixels = (0..view.width_px * view.height_px).into_par_iter();
     let ray = |pixel: usize| view.ray(pixel % view.width_px, pixel / view.width_px);

@@ -108,7 +108,7 @@ fn depths_of_faces_seen_from_the_side_stay_between_their_corners() {
         let vertices: Vec<DVec3> = job.mesh.positions.local.iter().map(|p| view.to_view(p.as_dvec3())).collect();
         for pixel in 0..view.width_px * view.height_px {
             let (px, py) = view.ray(pixel % view.width_px, pixel / view.width_px);
-            for face in &topology.faces {
+            for face in &topology.connectivity().faces {
                 let sheared = face.map(|v| (vertices[v as usize] - DVec3::new(px, py, 0.0)).as_vec3());
                 let Some(depths) = hits_in_f32(sheared) else { continue };
                 let [near, far] = [f32::min, f32::max].map(|of| of(of(sheared[0].z, sheared[1].z), sheared[2].z));

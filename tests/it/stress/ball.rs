@@ -43,7 +43,12 @@ fn ball(splits: usize) -> RawMesh {
 /// Planes of the boundary's faces: unit normals outwards, and distances from the middle.
 fn planes(mesh: &Mesh) -> Vec<(DVec3, f64)> {
     let topology = &mesh.topology;
-    let boundary = topology.faces.iter().zip(&topology.face_cells).filter(|(_, cells)| cells.contains(&NONE));
+    let boundary = topology
+        .connectivity()
+        .faces
+        .iter()
+        .zip(&topology.connectivity().face_cells)
+        .filter(|(_, cells)| cells.contains(&NONE));
     let plane = |face: &[u32; 3]| {
         let [a, b, c] = face.map(|v| mesh.positions.world(v as usize));
         let normal = (b - a).cross(c - a).normalize();

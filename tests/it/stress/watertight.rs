@@ -39,10 +39,15 @@ impl Volume {
         assert!(report.split_cells > 100 && mesh.topology.check().is_ok());
         // The faces of the boundary, and no others, are those in the sides of the box.
         let on_side = |face: u32| {
-            let corners = mesh.topology.faces[face as usize].map(|v| mesh.positions.world(v as usize));
+            let corners = mesh.topology.connectivity().faces[face as usize].map(|v| mesh.positions.world(v as usize));
             (0..3).any(|axis| corners.iter().all(|p| p[axis].abs() == 1.0 && p[axis] == corners[0][axis]))
         };
-        let count = mesh.topology.boundary_faces().inspect(|&face| assert!(on_side(face), "an inner face")).count();
+        let count = mesh
+            .topology
+            .connectivity()
+            .boundary_faces()
+            .inspect(|&face| assert!(on_side(face), "an inner face"))
+            .count();
         assert!(count as u64 == report.boundary_faces && count > 150, "{count}");
         Self { name: "shapes", mesh: Arc::new(mesh), tau: 0.5 * DEPTH }
     }
@@ -195,7 +200,7 @@ fn adversarial(mesh: &Mesh) -> Vec<(DVec3, DVec3)> {
     for vertex in 0..mesh.positions.local.len() as u32 {
         rays.extend(sides.map(|side| (world(vertex), side)));
     }
-    for (n, face) in mesh.topology.faces.iter().enumerate() {
+    for (n, face) in mesh.topology.connectivity().faces.iter().enumerate() {
         let [a, b, c] = face.map(world);
         // An edge from its end, and from the side; a line in the face, and through a point of it.
         let edge = (b - a).normalize();

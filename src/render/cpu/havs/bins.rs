@@ -26,16 +26,16 @@ impl FaceList {
         job: &RenderJob,
         drawn: &Arc<Drawn>,
     ) {
-        let find = self.begin(job, drawn).then_some((&job.mesh.topology, &*job.active, sides));
+        let find = self.begin(job, drawn).then_some((job.mesh.topology.connectivity(), &*job.active, sides));
         let grid = TileGrid::of(source.view);
         bins.fill(grid, &mut self.faces, |lists, seen, first, faces| {
             if job.cancel.is_cancelled() {
                 return lists.fill(source, grid, &[], seen);
             }
-            if let Some((topology, active, sides)) = find {
+            if let Some((connectivity, active, sides)) = find {
                 for (listed, &face) in faces.iter_mut().zip(&drawn.ids[first..]) {
-                    let cells = sides.cells(topology, active, face);
-                    *listed = ListedFace { ids: topology.faces[face as usize], cells };
+                    let cells = sides.cells(connectivity, active, face);
+                    *listed = ListedFace { ids: connectivity.faces[face as usize], cells };
                 }
             }
             lists.fill(source, grid, faces, seen)

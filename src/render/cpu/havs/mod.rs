@@ -107,7 +107,7 @@ impl Havs {
 /// If there are none, if one is not in the mesh, or if k is out of range.
 pub(in crate::render) fn checked_faces(job: &RenderJob) -> Result<Arc<Drawn>, RenderError> {
     let drawn = job.faces.clone().ok_or(RenderError::NoFaces)?;
-    let faces = job.mesh.topology.faces.len();
+    let faces = job.mesh.topology.connectivity().faces.len();
     match drawn.ids.par_iter().with_min_len(1 << 16).max() {
         Some(&face) if face as usize >= faces => return Err(RenderError::NoSuchFace { face, faces }),
         _ => {}
@@ -123,7 +123,7 @@ impl LayerRenderer for FaceTiles {
         let drawn = job.faces.clone().ok_or(RenderError::NoFaces)?;
         let tiles = TileJob::new(job, &mut self.tables, frame);
         let TileJob { job, view, .. } = &tiles;
-        frame.stats.faces_total = job.mesh.topology.faces.len() as u64;
+        frame.stats.faces_total = job.mesh.topology.connectivity().faces.len() as u64;
         let mut in_view = Arc::default();
         if tiles.is_transparent() {
             checked_faces(job)?;

@@ -1,6 +1,6 @@
 //! Which cell of a face a ray enters.
 
-use crate::mesh::{FACE_VERTICES, Mesh, NONE, Topology};
+use crate::mesh::{Connectivity, FACE_VERTICES, Mesh, NONE, Topology};
 use crate::visibility::{CellSet, IdSet};
 use std::sync::Arc;
 
@@ -18,15 +18,15 @@ impl Sides {
             return;
         }
         let topology = &mesh.topology;
-        self.outward = IdSet::of(topology.faces.len(), |face| is_outward(topology, face));
+        self.outward = IdSet::of(topology.connectivity().faces.len(), |face| is_outward(topology, face));
         self.of = Some(mesh.clone());
     }
 
     /// The active cells in front of a face and behind it for a ray that sees its ascending corners counter-clockwise; [`NONE`] where
     /// there is none.
     #[inline(always)]
-    pub(super) fn cells(&self, topology: &Topology, active: &CellSet, face: u32) -> [u32; 2] {
-        let cells = topology.face_cells[face as usize];
+    pub(super) fn cells(&self, connectivity: &Connectivity, active: &CellSet, face: u32) -> [u32; 2] {
+        let cells = connectivity.face_cells[face as usize];
         let [first, second] = cells.map(|cell| if cell != NONE && active.contains(cell) { cell } else { NONE });
         if self.outward.contains(face) { [second, first] } else { [first, second] }
     }
@@ -34,8 +34,9 @@ impl Sides {
 
 /// Whether the ascending corners of a face are counter-clockwise seen from outside of its first cell.
 pub(in crate::render) fn is_outward(topology: &Topology, face: usize) -> bool {
-    let corners = topology.faces[face];
-    let tet = topology.tets[topology.face_cells[face][0] as usize];
+    let Connectivity { faces, face_cells, .. } = topology.connectivity();
+    let corners = faces[face];
+    let tet = topology.tets[face_cells[face][0] as usize];
     let opposite = (0..4).find(|&i| !corners.contains(&tet[i])).unwrap_or(0);
     let [a, b, c] = FACE_VERTICES[opposite].map(|i| tet[i]);
     ((a > b) ^ (b > c)) == (a > c)

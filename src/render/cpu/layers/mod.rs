@@ -17,7 +17,7 @@ use super::tiles::{PixelRect, TILE_PX, TileGrid};
 use crate::camera::{Samples, View};
 use crate::image::Plane;
 use crate::image::upsample::Reference;
-use crate::mesh::{NONE, Topology};
+use crate::mesh::{Connectivity, NONE};
 use crate::visibility::CellSet;
 pub use nearest::MAX_LAYERS;
 use nearest::{Scene, Scratch};
@@ -116,7 +116,7 @@ fn bounds_of(PixelRect { x, y, width, height }: PixelRect) -> Bounds {
 /// The ascending corners of the faces between a cell in a set and none, in mesh order; `None` if the job is cancelled.
 pub(in crate::render) fn boundary_faces(job: &RenderJob, cells: &CellSet) -> Option<Vec<[u32; 3]>> {
     let is_in = |cell: u32| cell != NONE && cells.contains(cell);
-    let Topology { faces, face_cells, .. } = &job.mesh.topology;
+    let Connectivity { faces, face_cells, .. } = job.mesh.topology.connectivity();
     let parts = faces.par_chunks(FACES_PER_LOOK).zip(face_cells.par_chunks(FACES_PER_LOOK));
     let of_part = |(faces, cells): (&[[u32; 3]], &[[u32; 2]])| -> Vec<[u32; 3]> {
         if job.cancel.is_cancelled() {

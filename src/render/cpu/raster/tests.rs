@@ -27,8 +27,9 @@ fn both(mesh: &Arc<Mesh>, view: &View, perturb: f64, lanes: impl Lanes) -> (Vec<
     let (mut drawn, mut defined) = (Vec::new(), Vec::new());
     let (mut faces, mut list) = (Faces::NONE, [0; TILE_PX * TILE_PX + BLOCK]);
     // Arbitrary, but all different.
-    let listed = |id: u32| ListedFace { ids: mesh.topology.faces[id as usize], cells: [2 * id, 2 * id + 1] };
-    let all: Vec<ListedFace> = (0..mesh.topology.faces.len() as u32).map(listed).collect();
+    let listed =
+        |id: u32| ListedFace { ids: mesh.topology.connectivity().faces[id as usize], cells: [2 * id, 2 * id + 1] };
+    let all: Vec<ListedFace> = (0..mesh.topology.connectivity().faces.len() as u32).map(listed).collect();
     let seen: Vec<TileFace> = all.iter().filter_map(|face| Some(in_tile(face, source.bounds(face.ids)?))).collect();
     for some in seen.chunks(FACES_AT_ONCE) {
         faces.set(view, &vertices, &rays, some);

@@ -10,7 +10,7 @@ use super::super::ray::{Crossing, Ray, ViewVertex, crossing, is_needed};
 use super::super::tiles::{TILE_PX, TileGrid};
 use super::entry_faces::EntryFaces;
 use crate::camera::View;
-use crate::mesh::{FACE_VERTICES, Mesh, Topology};
+use crate::mesh::{CellNeighbour, FACE_VERTICES, Mesh, Topology};
 use crate::task::Cancel;
 use crate::visibility::{CellSet, Clusters};
 use rayon::prelude::*;
@@ -50,22 +50,27 @@ pub(super) fn cluster_count(cells: &CellSet) -> usize {
 /// Calls `open` with each face (cell and local face index) of a cluster between an active cell and an inactive one or the outside.
 #[inline(always)]
 pub(super) fn each_open_face(topology: &Topology, active: &CellSet, cluster: usize, mut open: impl FnMut(u32, usize)) {
-    let words = active.words();
+    let (words, neighbours) = (active.words(), &topology.connectivity().neighbours);
     let first = cluster * CLUSTER_WORDS;
     for (at, &word) in (first..).zip(&words[first..words.len().min(first + CLUSTER_WORDS)]) {
         let mut rest = word;
         while rest != 0 {
             let cell = 64 * at + rest.trailing_zeros() as usize;
             rest &= rest - 1;
-            open_faces(topology, active, cell, &mut open);
+            open_faces(neighbours, active, cell, &mut open);
         }
     }
 }
 
 /// Calls `open` with each such face of an active cell.
 #[inline(always)]
-pub(super) fn open_faces(topology: &Topology, active: &CellSet, cell: usize, mut open: impl FnMut(u32, usize)) {
-    for (i, neighbour) in topology.neighbours[cell].iter().enumerate() {
+pub(super) fn open_faces(
+    neighbours: &[[CellNeighbour; 4]],
+    active: &CellSet,
+    cell: usize,
+    mut open: impl FnMut(u32, usize),
+) {
+    for (i, neighbour) in neighbours[cell].iter().enumerate() {
         // A missing neighbour lies beyond the last word.
         let other = (neighbour.0 >> 2) as usize;
         let is_active = active.words().get(other / 64).is_some_and(|word| word >> (other % 64) & 1 == 1);
@@ -80,10 +85,11 @@ pub(super) fn open_faces(topology: &Topology, active: &CellSet, cell: usize, mut
 pub(super) fn count_beside(topology: &Topology, active: &CellSet, finite: &CellSet) -> usize {
     const ENOUGH: usize = 32;
     let every = (cluster_count(active) / ENOUGH).max(1);
+    let neighbours = &topology.connectivity().neighbours;
     let in_cluster = |cluster| {
         let mut count = 0;
         each_open_face(topology, active, cluster, |cell, i| {
-            let beside = topology.neighbours[cell as usize][i].cell();
+            let beside = neighbours[cell as usize][i].cell();
             count += usize::from(beside.is_some_and(|n| finite.contains(n)));
         });
         count

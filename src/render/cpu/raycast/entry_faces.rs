@@ -22,9 +22,9 @@ const FEW: usize = 8;
 
 /// The faces, cluster by cluster. The two cell numbers of a listed face are its local face index and its cell.
 #[derive(Debug, Default)]
-pub(super) struct EntryFaces {
+pub(in crate::render::cpu) struct EntryFaces {
     of: Option<(Arc<Mesh>, Arc<CellSet>)>,
-    pub(super) clusters: Vec<Vec<ListedFace>>,
+    pub(in crate::render::cpu) clusters: Vec<Vec<ListedFace>>,
     /// Memory of [`Self::find_touched`]: the previous faces, and a bit per cell.
     before: Vec<Vec<ListedFace>>,
     touched: Vec<AtomicU64>,
@@ -32,16 +32,22 @@ pub(super) struct EntryFaces {
 
 /// Faces reused from the previous update.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Kept {
+pub(in crate::render::cpu) struct Kept {
     /// Whether all were reused, as the cells are the same.
-    pub(super) all: bool,
+    pub(in crate::render::cpu) all: bool,
     /// Number of reused faces.
-    pub(super) faces: u64,
+    pub(in crate::render::cpu) faces: u64,
 }
 
 impl EntryFaces {
     /// Finds the faces, reusing previous ones if it `may_keep` them; only some of them if `cancel` is raised.
-    pub(super) fn update(&mut self, mesh: &Arc<Mesh>, active: &Arc<CellSet>, may_keep: bool, cancel: &Cancel) -> Kept {
+    pub(in crate::render::cpu) fn update(
+        &mut self,
+        mesh: &Arc<Mesh>,
+        active: &Arc<CellSet>,
+        may_keep: bool,
+        cancel: &Cancel,
+    ) -> Kept {
         let before = self.of.take().filter(|(of, _)| may_keep && Arc::ptr_eq(of, mesh)).map(|(_, cells)| cells);
         let kept = match before {
             Some(before) if Arc::ptr_eq(&before, active) => Kept { all: true, faces: self.count() as u64 },
@@ -101,12 +107,13 @@ impl EntryFaces {
                 word.fetch_or(1 << (cell % 64), Relaxed);
             }
         };
+        let neighbours = &topology.connectivity().neighbours;
         let words = before.words().par_iter().zip(active.words()).enumerate().with_min_len(CLUSTER_WORDS);
         words.for_each(|(at, (before, now))| {
             each_bit(before ^ now, |bit| {
                 let cell = 64 * at + bit;
                 touch(cell);
-                topology.neighbours[cell].iter().for_each(|neighbour| touch((neighbour.0 >> 2) as usize));
+                neighbours[cell].iter().for_each(|neighbour| touch((neighbour.0 >> 2) as usize));
             });
         });
     }
@@ -152,12 +159,13 @@ impl Merge<'_> {
     /// Adds the faces of a word's cells.
     fn word(&mut self, at: usize, touched: u64) {
         let Self { topology, active, .. } = *self;
+        let neighbours = &topology.connectivity().neighbours;
         each_bit(touched, |bit| {
             let cell = 64 * at + bit;
             self.keep(cell);
             self.leave_out(cell + 1);
             if active.words()[at] >> bit & 1 == 1 {
-                open_faces(topology, active, cell, |cell, i| self.faces.push(listed(topology, cell, i)));
+                open_faces(neighbours, active, cell, |cell, i| self.faces.push(listed(topology, cell, i)));
             }
         });
         self.keep(64 * at + 64);

@@ -34,7 +34,7 @@
 #[cfg(test)]
 mod adaptive_tests;
 pub(in crate::render) mod entries;
-mod entry_faces;
+pub(super) mod entry_faces;
 #[cfg(target_arch = "x86_64")]
 mod lanes;
 mod outside;
@@ -194,6 +194,7 @@ impl RenderTiles for CellWalk {
         let entries = |lists| Entries::of(&job.mesh.topology, view, lists, portable);
         let scene = Scene {
             mesh: &job.mesh,
+            neighbours: &job.mesh.topology.connectivity().neighbours,
             active: cells,
             all_active: cells.count() == cells.universe(),
             view,

@@ -38,7 +38,7 @@ fn newest_corner<M>(
     corners: &[Sheared; 3],
 ) -> Option<usize> {
     let Mesh { topology, positions, .. } = scene.mesh;
-    let across = topology.neighbours[cell as usize][opposite as usize & 3];
+    let across = scene.neighbours[cell as usize][opposite as usize & 3];
     let behind = across.cell()?;
     let far = topology.tets[behind as usize][across.opposite() as usize];
     let scalar = match scene.scalars {

@@ -82,7 +82,7 @@ impl Scene {
                 let pixel = (row * rect.width + column) as u32;
                 for cell in (0..topology.tets.len() as u32).filter(|&cell| self.active.contains(cell)) {
                     for opposite in 0..4 {
-                        let neighbour = topology.neighbours[cell as usize][opposite].cell();
+                        let neighbour = topology.connectivity().neighbours[cell as usize][opposite].cell();
                         if neighbour.is_some_and(|other| self.active.contains(other)) {
                             continue;
                         }
@@ -259,6 +259,7 @@ fn entries_of_eight_paths_have_the_bits_of_one() {
         let plane = RayPlane::of_view(view);
         let scene = walk::Scene {
             mesh,
+            neighbours: &mesh.topology.connectivity().neighbours,
             active: &scene.active,
             all_active: false,
             view,

@@ -15,7 +15,7 @@ use super::rays::RayPlane;
 use super::starts::{Entries, PixelStart, StartScratch};
 use crate::camera::View;
 use crate::field::Scalars;
-use crate::mesh::Mesh;
+use crate::mesh::{CellNeighbour, Mesh};
 use crate::optics::Accumulator;
 use crate::slowdown::{Slow, waste};
 use crate::stats::FrameStats;
@@ -25,6 +25,7 @@ use pulp::Arch;
 /// Scene data shared by all tiles of a frame.
 pub(super) struct Scene<'a, M> {
     pub(super) mesh: &'a Mesh,
+    pub(super) neighbours: &'a [[CellNeighbour; 4]],
     pub(super) active: &'a CellSet,
     pub(super) all_active: bool,
     pub(super) view: &'a View,
@@ -232,8 +233,7 @@ impl<'a, R: Copy + Default, A: Ahead> Walk<'a, R, A> {
     #[inline(always)]
     fn step<M: Medium<Ray = R, Light = Accumulator>>(&mut self, scene: &Scene<'_, M>) -> bool {
         self.steps += 1;
-        let topology = &scene.mesh.topology;
-        let tet = &topology.tets[self.cell as usize];
+        let tet = &scene.mesh.topology.tets[self.cell as usize];
         let new_id = tet[self.opposite as usize & 3];
         let new = self.ray.shear(&scene.vertices[new_id as usize]);
         let reach = new.reach();
@@ -261,7 +261,7 @@ impl<'a, R: Copy + Default, A: Ahead> Walk<'a, R, A> {
         self.reaches = [self.reaches[next], self.reaches[after], reach];
         self.ids = [self.ids[next], self.ids[after], new_id];
         self.edges = edges;
-        let neighbour = topology.neighbours[self.cell as usize][exit & 3];
+        let neighbour = scene.neighbours[self.cell as usize][exit & 3];
         let here = hit(edges, &p, &q, &new);
         let value = self.value_here(scene.medium);
         let (depth, scalar) = ([self.last.depth, here.depth], [self.last.scalar, here.scalar]);

@@ -1,7 +1,7 @@
 //! Face buffers on the GPU: the faces of the mesh, and the list of faces drawn.
 
 use crate::camera::View;
-use crate::mesh::{FACE_VERTICES, Mesh};
+use crate::mesh::{Connectivity, FACE_VERTICES, Mesh};
 use crate::render::cpu::havs::is_outward;
 use crate::render::gpu::buffers::GrowingBuffer;
 use crate::render::gpu::context::Context;
@@ -36,7 +36,7 @@ impl FaceBuffers {
             return Ok((false, 0));
         }
         self.of = None;
-        let faces = mesh.topology.faces.len();
+        let faces = mesh.topology.connectivity().faces.len();
         let part = usize::try_from(context.binding_bytes() / FACE_BYTES).unwrap_or(usize::MAX).min(1 << 31);
         if faces.div_ceil(part.max(1)) > PARTS {
             return Err(context.beyond(format!("a mesh of {faces} faces is too large for it")));
@@ -56,8 +56,8 @@ impl FaceBuffers {
 /// The words of a face: corners, ascending; the cells in front of it and behind it for a ray that sees them counter-clockwise.
 fn pack(mesh: &Mesh, face: usize) -> [u32; FACE_WORDS] {
     let topology = &mesh.topology;
-    let [a, b, c] = topology.faces[face];
-    let [first, second] = topology.face_cells[face];
+    let Connectivity { faces, face_cells, .. } = topology.connectivity();
+    let ([a, b, c], [first, second]) = (faces[face], face_cells[face]);
     let [front, behind] = if is_outward(topology, face) { [second, first] } else { [first, second] };
     [a, b, c, front, behind]
 }
@@ -108,7 +108,7 @@ fn eye_cell(job: &RenderJob, local_view: &View, cell: u32) -> [u32; EYE_WORDS] {
     for (i, &opposite) in order.iter().enumerate() {
         let is_outside = sides >> opposite & 1;
         let is_inside = sides >> (4 + opposite) & 1;
-        let neighbour = topology.neighbours[cell as usize][opposite].cell();
+        let neighbour = topology.connectivity().neighbours[cell as usize][opposite].cell();
         let is_open = u32::from(neighbour.is_none_or(|n| !job.active.contains(n)));
         // Counter-clockwise seen from outside, where a ray enters.
         let [a, b, c] = FACE_VERTICES[opposite].map(|v| tet[v]);

@@ -294,7 +294,7 @@ impl LayerRenderer for FaceLists {
         let drawn = checked_faces(&job)?;
         let view = job.local_view();
         frame.stats.on_gpu = true;
-        frame.stats.faces_total = job.mesh.topology.faces.len() as u64;
+        frame.stats.faces_total = job.mesh.topology.connectivity().faces.len() as u64;
         self.context.check_job(&job)?;
         let mut params = eye::params(&self.context, &view)?;
         self.bands.clear();

@@ -14,7 +14,7 @@ use glam::DVec3;
 
 /// All faces of the active cells, in the order of their ids.
 fn with_faces(job: RenderJob) -> RenderJob {
-    let cells = &job.mesh.topology.face_cells;
+    let cells = &job.mesh.topology.connectivity().face_cells;
     let is_active = |cells: &[u32; 2]| cells.iter().any(|&cell| cell != NONE && job.active.contains(cell));
     let faces = (0u32..).zip(cells).filter(|(_, cells)| is_active(cells)).map(|(face, _)| face).collect();
     RenderJob { faces: Some(Arc::new(Drawn { ids: faces, is_complete: true })), ..job }
@@ -73,7 +73,7 @@ fn place_of(view: &View, (i, j): (usize, usize)) -> usize {
 fn depths(job: &RenderJob, view: &View, pixel: (usize, usize)) -> Option<Vec<f64>> {
     let mut found = Vec::new();
     for &face in &job.faces.as_ref().unwrap().ids {
-        let corners = job.mesh.topology.faces[face as usize];
+        let corners = job.mesh.topology.connectivity().faces[face as usize];
         let [a, b, c] = corners.map(|v| seen(view, job.mesh.positions.local[v as usize].as_dvec3()));
         for corners in [[a, b, c], [a, c, b]] {
             match meet(view, pixel, corners) {

@@ -33,7 +33,8 @@ impl Records {
         self.of = None;
         let cells = mesh.topology.tets.len();
         let (mut made, mut sent) = (false, 0);
-        let record = |cell: usize| [mesh.topology.tets[cell], mesh.topology.neighbours[cell].map(|n| n.0)];
+        let record =
+            |cell: usize| [mesh.topology.tets[cell], mesh.topology.connectivity().neighbours[cell].map(|n| n.0)];
         for (part, buffer) in (0u32..).zip(&mut self.parts) {
             let (new, bytes) = buffer.upload_packed(context, split.cells_of(part, cells), record)?;
             (made, sent) = (made | new, sent + bytes);

@@ -116,7 +116,7 @@ fn small_bindings_and_the_limits_of_webgpu_give_the_same_image() {
     assert_eq!(web.device.limits(), wgpu::Limits::default());
     assert_same_bits("WebGPU", &frame_of(&web, &job), &expected);
     // Faces take three bindings, fragments two.
-    let faces = job.mesh.topology.faces.len() as u64;
+    let faces = job.mesh.topology.connectivity().faces.len() as u64;
     let options = ContextOptions { binding_bytes: Some(20 * faces / 2 - 1), ..Default::default() };
     let small = own_context(&options).unwrap();
     let mut renderer = GpuHavs::new(small);

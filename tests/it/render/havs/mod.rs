@@ -25,10 +25,11 @@ pub fn with_faces(job: &RenderJob, keep: impl Fn(u32) -> bool) -> RenderJob {
     let positions = &job.mesh.positions;
     let mut is_complete = true;
     let mut faces: Vec<(f64, u32)> = Vec::new();
-    for (face, cells) in (0u32..).zip(&topology.face_cells) {
+    for (face, cells) in (0u32..).zip(&topology.connectivity().face_cells) {
         let [first, second] = cells.map(is_active);
         if first != second || first && keep(face) {
-            let centroid: DVec3 = topology.faces[face as usize].iter().map(|&v| positions.world(v as usize)).sum();
+            let centroid: DVec3 =
+                topology.connectivity().faces[face as usize].iter().map(|&v| positions.world(v as usize)).sum();
             faces.push((job.view.forward.dot(centroid), face));
         } else {
             is_complete &= !first;

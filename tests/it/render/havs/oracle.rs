@@ -75,7 +75,7 @@ fn start(job: &RenderJob) -> Option<Hit> {
 
 fn hit(job: &RenderJob, face: u32, origin: DVec3, direction: DVec3) -> Option<Hit> {
     let topology = &job.mesh.topology;
-    let ids = topology.faces[face as usize];
+    let ids = topology.connectivity().faces[face as usize];
     let [a, b, c] = ids.map(|v| job.mesh.positions.world(v as usize));
     let normal = (b - a).cross(c - a);
     // The direction has length 1 along the viewing direction: the parameter is the depth.
@@ -92,8 +92,9 @@ fn hit(job: &RenderJob, face: u32, origin: DVec3, direction: DVec3) -> Option<Hi
             topology.tets[cell as usize].iter().map(|&v| 0.25 * job.mesh.positions.world(v as usize)).sum();
         (centroid - a).dot(normal) * direction.dot(normal) > 0.0
     };
-    let goes_on =
-        topology.face_cells[face as usize].iter().any(|&c| c != NONE && job.active.contains(c) && is_behind(c));
+    let goes_on = topology.connectivity().face_cells[face as usize]
+        .iter()
+        .any(|&c| c != NONE && job.active.contains(c) && is_behind(c));
     Some(Hit { depth, scalar, goes_on })
 }
 

@@ -102,7 +102,7 @@ impl<M, L: Lanes> NullaryFnOnce for EnterEight<'_, M, L> {
                 ids[l] = tet[corner];
             }
             at[l] = start.cell << 2 | start.opposite;
-            let across = topology.neighbours[start.cell as usize][start.opposite as usize & 3];
+            let across = scene.neighbours[start.cell as usize][start.opposite as usize & 3];
             let Some(behind) = across.cell() else { continue };
             let vertex = topology.tets[behind as usize][across.opposite() as usize];
             let scalar = match scene.scalars {

@@ -230,7 +230,7 @@ impl<'a, M: Medium, L: Lanes> Walk<'a, M, L> {
         let cells = Cells {
             tets: &topology.tets,
             vertex_of: topology.tets.as_flattened(),
-            neighbours: bytemuck::cast_slice(&topology.neighbours),
+            neighbours: bytemuck::cast_slice(scene.neighbours),
             vertices: bytemuck::cast_slice(scene.vertices),
             active: (!scene.all_active).then(|| scene.active.words()),
             perspective: scene.view.perspective,

@@ -182,7 +182,7 @@ fn face(job: &RenderJob, view: &View, cell: u32, opposite: usize) -> [DVec3; 3] 
 
 /// Whether a face of an active cell has no active cell behind it.
 fn is_open(job: &RenderJob, cell: u32, opposite: usize) -> bool {
-    let behind = job.mesh.topology.neighbours[cell as usize][opposite].cell();
+    let behind = job.mesh.topology.connectivity().neighbours[cell as usize][opposite].cell();
     behind.is_none_or(|n| !job.active.contains(n))
 }
 
