@@ -48,6 +48,7 @@ pub fn run_still(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<Option<StillRun>, PipelineError> {
+    let request = &request.clone().on(pipeline.mesh());
     let has_domain = request.tets().is_some_and(|tets| !tets.domain.is_empty());
     if !request.may_leave_rays_out() || has_domain {
         return Ok(None);

@@ -9,8 +9,8 @@ use crate::codec::{CODECS, codec_of};
 use crate::error::FileResult;
 use crate::field::{Association, FieldInfo, FieldSelector, SeriesSource};
 use crate::import::{self, Format};
-use crate::ingest::{Checkpoints, CodecChoice, FieldUnits, IngestOptions, StepRange, check_fields, ingest};
-use crate::mesh::{Mesh, RepairReport, SourceCells};
+use crate::ingest::{Checkpoints, CodecChoice, FieldUnits, IngestOptions, StepRange, check_fields, ingest, mesh_of};
+use crate::mesh::{ConnectivityChoice, RepairReport, SourceCells};
 use anyhow::bail;
 use clap::builder::PossibleValuesParser;
 use serde::Serialize;
@@ -74,6 +74,10 @@ pub(super) struct Args {
     /// their volumes; without it they stay constant in their cells
     #[arg(long)]
     pub(super) cells_to_points: bool,
+    /// Whether to find which cells are beside each other: full; none, to draw them as points alone; or auto: full unless more than half of
+    /// the cells' faces have no partner (of 64 cells at least)
+    #[arg(long, value_name = "HOW", default_value = "auto")]
+    pub(super) connectivity: ConnectivityChoice,
     /// Check the mesh and the fields of every step, and say what would be imported; write nothing
     #[arg(long)]
     dry_run: bool,
@@ -115,12 +119,12 @@ fn import(args: &Args, codec: CodecChoice, terminal: &Terminal) -> anyhow::Resul
     let series = source(args, &[])?;
     let (fields, units) = (args.fields.clone(), args.units.clone());
     let steps = steps::within_series(args.steps, series.times().len(), terminal);
-    let (overwrite, cells_to_points) = (args.overwrite, args.cells_to_points);
+    let (overwrite, cells_to_points, connectivity) = (args.overwrite, args.cells_to_points, args.connectivity);
     let checkpoints = args.resume.map(|pause| Checkpoints { pause: Duration::from_secs_f64(pause) });
-    let options = IngestOptions { fields, units, steps, overwrite, codec, cells_to_points, checkpoints };
+    let options = IngestOptions { fields, units, steps, overwrite, codec, cells_to_points, connectivity, checkpoints };
     let (false, Some(output)) = (args.dry_run, &args.output) else {
         check_fields(&*series, &options)?;
-        let plan = Plan::of(&*series, args, steps, terminal)?;
+        let plan = Plan::of(&*series, args, &options, terminal)?;
         print_result(args.json, &plan, &plan)?;
         return Ok(Outcome::Done);
     };
@@ -185,9 +189,14 @@ struct Plan {
 }
 
 impl Plan {
-    fn of(series: &dyn SeriesSource, args: &Args, steps: StepRange, terminal: &Terminal) -> anyhow::Result<Self> {
-        let (mesh, repair) = Mesh::build(series.mesh()?).map_err(|e| anyhow::anyhow!("{}: {e}", series.describe()))?;
-        let selected = steps.select(series.times().len())?;
+    fn of(
+        series: &dyn SeriesSource,
+        args: &Args,
+        options: &IngestOptions,
+        terminal: &Terminal,
+    ) -> anyhow::Result<Self> {
+        let (mesh, repair) = mesh_of(series, series.mesh()?, options)?;
+        let selected = options.steps.select(series.times().len())?;
         for &step in &selected {
             terminal.check_interrupted()?;
             series.check(step)?;

@@ -287,7 +287,7 @@ impl SceneArgs {
                 unit_distance: self.unit_distance.unwrap_or(look.lengths.unit_distance),
                 ..look.lengths
             },
-            mode: self.mode,
+            mode: self.mode.on(series.mesh()),
             faces,
             // Its level of detail is that of the faces.
             points: PointStyle { lod: 1.0, ..self.point_style() },

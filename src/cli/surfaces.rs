@@ -3,7 +3,7 @@
 use crate::field::{Association, Blocks, Regions};
 use crate::look::mapped_range;
 use crate::mesh::Mesh;
-use crate::pipeline::{ColorsBeside, Series, Shown, SurfaceLook};
+use crate::pipeline::{ColorsBeside, RequestError, Series, Shown, SurfaceLook};
 use crate::project::Project;
 use crate::render::domain::DomainSurface;
 use crate::render::surfaces::{
@@ -177,6 +177,9 @@ pub(super) fn check(look: &SurfaceLook, project: Option<&Project>, series: &Seri
 fn check_parts(look: &SurfaceLook, mesh: &Mesh) -> anyhow::Result<()> {
     if look.parts.is_empty() {
         return Ok(());
+    }
+    if !mesh.is_connected {
+        return Err(RequestError::Unconnected("connected parts").into());
     }
     let (_, sizes) = mesh.topology.connectivity().parts();
     if let Some(part) = look.parts.iter().find(|part| **part as usize >= sizes.len()) {

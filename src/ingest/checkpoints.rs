@@ -39,16 +39,20 @@ pub(super) fn recipe(
     mesh: &Mesh,
 ) -> Recipe {
     let checksum = |bytes: &[u8]| format!("{:08x}", crc32c::crc32c(bytes));
-    let mesh = [
+    let checksums = [
         checksum(bytemuck::cast_slice(&mesh.topology.tets)),
         checksum(bytemuck::cast_slice(&mesh.vertex_source)),
         checksum(bytemuck::cast_slice(&mesh.cell_source)),
     ];
+    let without = match mesh.is_connected {
+        true => String::new(),
+        false => ", without connectivity".to_owned(),
+    };
     let subject = |name: &str, lines: Vec<String>| (name.to_owned(), lines);
     vec![
         subject("version", vec![format!("tetreel {}, store {}", env!("CARGO_PKG_VERSION"), store_version())]),
         subject("source", vec![source.describe()]),
-        subject("mesh", vec![format!("{points}, cells {}", mesh.join(" "))]),
+        subject("mesh", vec![format!("{points}, cells {}{without}", checksums.join(" "))]),
         // Formulas of calculated fields, and what was skipped.
         subject("note", source.notes()),
         subject("field", fields.iter().flat_map(lines_of).collect()),

@@ -28,7 +28,7 @@ pub use report::{FieldReport, IngestError, IngestReport, StageSeconds};
 
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, SeriesSource, TimeAxis};
-use crate::mesh::{Mesh, RepairReport};
+use crate::mesh::{Mesh, RawMesh, RepairReport};
 use crate::moments::Moments;
 use crate::store::{FieldDescription, FieldWriter, MeanWeights, SourcePoints, StoreWriter};
 use crate::task::{Cancel, Progress};
@@ -62,7 +62,7 @@ pub fn ingest(
         Some(_) => StoreWriter::go_on(out, options.overwrite)?,
     };
 
-    let built = BuiltMesh::of(source, cancel)?;
+    let built = BuiltMesh::of(source, options, cancel)?;
     let (counts, cells, repair) = (built.counts, built.mesh.topology.tets.len(), built.repair.clone());
     let recipe = checkpoints::recipe(source, &fields, &options.codec, &built.line, &built.mesh);
     let resumed = checkpoint.map(|from| Resumed::of(from, &recipe, source, &steps)).transpose()?;
@@ -130,13 +130,12 @@ struct BuiltMesh {
 }
 
 impl BuiltMesh {
-    fn of(source: &dyn SeriesSource, cancel: &Cancel) -> Result<Self, IngestError> {
+    fn of(source: &dyn SeriesSource, options: &IngestOptions, cancel: &Cancel) -> Result<Self, IngestError> {
         let raw = source.mesh().map_err(IngestError::Source)?;
         let counts = [raw.points.len(), raw.cells.len()];
         let (points, line) = (SourcePoints::of(&raw.points), checkpoints::line_of(&raw));
         check_cancel(cancel)?;
-        let (mesh, repair) =
-            Mesh::build(raw).map_err(|error| IngestError::Mesh { source_name: source.describe(), error })?;
+        let (mesh, repair) = mesh_of(source, raw, options)?;
         let repair = repair.with_cell_numbers(|cell| source.cell_number(cell));
         Ok(Self { mesh, repair, counts, points, line })
     }
@@ -156,6 +155,19 @@ impl BuiltMesh {
         writer.write_source_points(&positions, order.vertex_source(), &self.points)?;
         Ok(order)
     }
+}
+
+/// The mesh of a source from its points and cells.
+///
+/// # Errors
+/// If the points and cells make no mesh.
+pub fn mesh_of(
+    source: &dyn SeriesSource,
+    raw: RawMesh,
+    options: &IngestOptions,
+) -> Result<(Mesh, RepairReport), IngestError> {
+    let mesh = Mesh::build_as(raw, options.connectivity);
+    mesh.map_err(|error| IngestError::Mesh { source_name: source.describe(), error })
 }
 
 /// Checks that the source has the fields and units that `options` names; reads and writes nothing.

@@ -3,6 +3,7 @@
 use super::checkpoints::Checkpoints;
 use crate::codec::CodecChoice;
 use crate::field::FieldSelector;
+use crate::mesh::ConnectivityChoice;
 use std::fmt;
 use std::str::FromStr;
 
@@ -148,6 +149,8 @@ pub struct IngestOptions {
     pub codec: CodecChoice,
     /// Whether values of cells are brought to the vertices: the mean of the cells around, weighted by their volumes.
     pub cells_to_points: bool,
+    /// Whether faces and neighbours are derived and stored.
+    pub connectivity: ConnectivityChoice,
     /// Whether an existing store is replaced.
     pub overwrite: bool,
     /// How often the state is kept in the folder `NAME.partial` beside the store NAME. If this import ends early, another one with the same

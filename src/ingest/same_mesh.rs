@@ -2,7 +2,7 @@
 
 use crate::error::{FileError, FileResult};
 use crate::field::SeriesSource;
-use crate::mesh::{Mesh, RawMesh, split, split_from_corners};
+use crate::mesh::{ConnectivityChoice, Mesh, RawMesh, split, split_from_corners};
 use crate::store::Store;
 use glam::DVec3;
 use std::collections::HashSet;
@@ -51,7 +51,7 @@ pub(super) fn check(source: &dyn SeriesSource, raw: RawMesh, store: &Store, mesh
     if split.tets.len() == mesh.cell_source.len() {
         return Ok(());
     }
-    match Mesh::build_split(raw.points, split) {
+    match Mesh::build_split(raw.points, split, ConnectivityChoice::None) {
         Ok((built, _)) if built.cell_source == mesh.cell_source => Ok(()),
         _ => Err(differs("other cells are flat or duplicates".to_owned())),
     }

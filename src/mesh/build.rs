@@ -8,7 +8,7 @@
 //! order      vertices that remaining cells use, by Hilbert index; cells by that of their centroid
 //! deduplicate  cells of the same vertices share their index, so they meet in the order
 //! gather     positions and renumbered cells in curve order                                     (raw cells are freed)
-//! connect    unique faces and neighbours (`faces.rs`)
+//! connect    unique faces and neighbours (`faces.rs`), unless the cells do not fit together (`soup.rs`)
 //! ```
 //! 1. A cell is judged after rounding, because the rounded cell is the one that is drawn; the predicate is exact, so that
 //!    no tolerance decides whether a sliver is kept.
@@ -46,8 +46,8 @@ use rayon::prelude::*;
 use super::curve::{CurveKey, cell_curve_index, curve_index, sort_along_curve};
 use super::repair::{self, Orientation};
 use super::{
-    FarParts, Mesh, MeshError, NONE, Positions, RawMesh, RepairReport, Split, Topology, WorstCell, split,
-    tet_aspect_ratio,
+    ConnectivityChoice, FarParts, Mesh, MeshError, NONE, Positions, RawMesh, RepairReport, Split, Topology,
+    Unconnected, WorstCell, split, tet_aspect_ratio,
 };
 
 impl Mesh {
@@ -59,13 +59,25 @@ impl Mesh {
     /// If there are too many cells or points to number, a cell names a missing point, a point in use is not finite or
     /// further away than f64 can scale, or no cell remains.
     pub fn build(raw: RawMesh) -> Result<(Mesh, RepairReport), MeshError> {
-        let RawMesh { points, cells } = raw;
-        let cells = split(cells, &points);
-        Self::build_split(points, cells)
+        Self::build_as(raw, ConnectivityChoice::Full)
     }
 
-    /// [`Self::build`] of split cells.
-    pub(crate) fn build_split(mut points: Vec<DVec3>, mut split: Split) -> Result<(Mesh, RepairReport), MeshError> {
+    /// [`Self::build`], with connectivity or without.
+    ///
+    /// # Errors
+    /// As [`Self::build`].
+    pub fn build_as(raw: RawMesh, choice: ConnectivityChoice) -> Result<(Mesh, RepairReport), MeshError> {
+        let RawMesh { points, cells } = raw;
+        let cells = split(cells, &points);
+        Self::build_split(points, cells, choice)
+    }
+
+    /// [`Self::build_as`] of split cells.
+    pub(crate) fn build_split(
+        mut points: Vec<DVec3>,
+        mut split: Split,
+        choice: ConnectivityChoice,
+    ) -> Result<(Mesh, RepairReport), MeshError> {
         let (cells_in, vertices_in) = (split.cell_count() as u64, points.len() as u64);
         let mut tets = std::mem::take(&mut split.tets);
         points.append(&mut split.steiner.points);
@@ -117,27 +129,31 @@ impl Mesh {
         report.duplicate_cells = tets_in - flat_tets - report.cells_out;
 
         let tets = renumber(tets, &cell_order, &vertex_order, raw_positions.local.len());
+        let local: Vec<Vec3> = vertex_order.iter().map(|&(_, source)| raw_positions.local[source as usize]).collect();
+        // At most the number of points, which was checked above.
+        let mut topology = Topology::of_cells(local.len() as u32, tets);
+        report.unconnected = Unconnected::find(choice, &topology, &local, [&vertex_order, &cell_order]);
         let mut cell_source = sources(cell_order);
         split.to_cells(&mut cell_source);
-        let local = vertex_order.iter().map(|&(_, source)| raw_positions.local[source as usize]).collect();
         let positions = Positions { local, origin: raw_positions.origin, scale: raw_positions.scale };
         drop(raw_positions);
         let vertex_source = sources(vertex_order);
 
         let split_cells = split.split_cells(&cell_source, &vertex_source, points_in);
-        // At most the number of points, which was checked above.
-        let vertex_count = vertex_source.len() as u32;
-        let topology = Topology::of_cells(vertex_count, tets);
-        let connectivity = topology.connectivity();
-        report.non_manifold_faces = connectivity.non_manifold_faces();
-        report.boundary_faces = connectivity.boundary_faces().count() as u64;
-        let parts = connectivity.parts();
-        report.parts = parts.1.len() as u64;
-        report.far_parts = FarParts::of(&topology.tets, parts, &positions, &cell_source);
+        if report.unconnected.is_some() {
+            topology.forget_connectivity();
+        } else {
+            let connectivity = topology.connectivity();
+            report.non_manifold_faces = connectivity.non_manifold_faces();
+            report.boundary_faces = connectivity.boundary_faces().count() as u64;
+            let parts = connectivity.parts();
+            report.parts = parts.1.len() as u64;
+            report.far_parts = FarParts::of(&topology.tets, parts, &positions, &cell_source);
+        }
         report.worst_cells = worst_cells(&topology.tets, &positions.local, &cell_source);
         let without_far_parts = report.far_parts.as_ref().map(FarParts::frame);
         let mut mesh = Mesh::of_parts(topology, positions, [vertex_source, cell_source], cell_turned, split_cells);
-        mesh.without_far_parts = without_far_parts;
+        (mesh.without_far_parts, mesh.is_connected) = (without_far_parts, report.unconnected.is_none());
         Ok((mesh, report))
     }
 }

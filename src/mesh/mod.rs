@@ -20,6 +20,7 @@ pub mod polyhedron;
 mod positions;
 mod repair;
 mod report;
+mod soup;
 mod source_cells;
 mod split;
 mod steiner;
@@ -40,6 +41,7 @@ pub use gradient::{tet_gradient, tet_gradient_magnitude};
 pub use plane::Plane;
 pub use positions::Positions;
 pub use report::{RepairReport, WorstCell};
+pub use soup::{ConnectivityChoice, Unconnected};
 pub use source_cells::SourceCells;
 pub(crate) use split::split_from_corners;
 pub use split::{Cells, POLYHEDRON_VTK_TYPE, Solid, SolidShape, Solids, Split, SplitCells, gather, split};
@@ -75,6 +77,8 @@ pub struct Mesh {
     pub split_cells: SplitCells,
     /// The box of the mesh without parts that are far away, in world coordinates; `None` if there are none.
     pub without_far_parts: Option<(DVec3, DVec3)>,
+    /// Whether the mesh was imported with its connectivity. Without it cells are drawn one by one, and what needs faces is refused.
+    pub is_connected: bool,
     /// Made when values of cells are first brought to the vertices.
     cells_around: OnceLock<CellsAround>,
 }
@@ -98,6 +102,7 @@ impl Mesh {
             cell_turned,
             split_cells,
             without_far_parts,
+            is_connected: true,
             cells_around,
         }
     }

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::FarParts;
+use super::{FarParts, Unconnected};
 use serde::Serialize;
 
 /// Counts of what was found and repaired while a mesh was built. `Display` gives a clean mesh one line, and any other
@@ -47,6 +47,10 @@ pub struct RepairReport {
     pub boundary_faces: u64,
     /// Connected components, through faces.
     pub parts: u64,
+    /// What is known of the faces of cells that were imported without connectivity, which has then no non-manifold or boundary faces and no
+    /// parts; `None` with connectivity.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unconnected: Option<Unconnected>,
     /// Parts so far away that the default view leaves them out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub far_parts: Option<FarParts>,
@@ -86,7 +90,7 @@ impl RepairReport {
 
     /// Whether the source needed no repair and has no defects.
     pub fn is_clean(&self) -> bool {
-        self.far_parts.is_none() && self.findings().all(|(count, _)| count == 0)
+        self.far_parts.is_none() && self.unconnected.is_none() && self.findings().all(|(count, _)| count == 0)
     }
 
     /// The count and the explanation of each kind of repair or defect.
@@ -113,12 +117,13 @@ impl fmt::Display for RepairReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let counted = |count, one, many| format!("{count} {}", if count == 1 { one } else { many });
         f.write_str(&counted(self.cells_out, "cell", "cells"))?;
-        for (count, one, many) in [
-            (self.vertices_out, "vertex", "vertices"),
-            (self.boundary_faces, "boundary face", "boundary faces"),
-            (self.parts, "part", "parts"),
-        ] {
-            write!(f, ", {}", counted(count, one, many))?;
+        write!(f, ", {}", counted(self.vertices_out, "vertex", "vertices"))?;
+        match &self.unconnected {
+            Some(unconnected) => write!(f, ", {unconnected}")?,
+            None => {
+                let faces = counted(self.boundary_faces, "boundary face", "boundary faces");
+                write!(f, ", {faces}, {}", counted(self.parts, "part", "parts"))?;
+            }
         }
         if self.split_cells > 0 {
             write!(f, "\nof {}, {} of them split", counted(self.cells_in, "cell", "cells"), self.split_cells)?;
@@ -140,6 +145,19 @@ impl fmt::Display for RepairReport {
             write!(f, "\nflattest cells of the source (aspect ratio): {}", cells.join(", "))?;
         }
         Ok(())
+    }
+}
+
+impl fmt::Display for Unconnected {
+    /// The end of the first line, and a line of what was counted.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { faces, alone, open, overlapping, duplicates } = self;
+        write!(f, "without connectivity, to be drawn as points (--connectivity full derives it)")?;
+        write!(
+            f,
+            "\nfaces without a partner: {alone} of {faces} that were looked at; by positions {open} without one"
+        )?;
+        write!(f, ", {overlapping} of cells that overlap; cells with the corners of an earlier one: {duplicates}")
     }
 }
 

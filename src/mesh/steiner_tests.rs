@@ -50,7 +50,7 @@ fn bipyramid(ring: &[[f64; 2]], pole: [f64; 2]) -> RawMesh {
 /// What older versions made of a mesh.
 fn built_from_corners(raw: &RawMesh) -> (Mesh, RepairReport) {
     let split = split_from_corners(raw.cells.clone(), &raw.points);
-    Mesh::build_split(raw.points.clone(), split).unwrap()
+    Mesh::build_split(raw.points.clone(), split, ConnectivityChoice::Full).unwrap()
 }
 
 fn built(raw: &RawMesh) -> (Mesh, RepairReport) {
@@ -350,7 +350,7 @@ fn a_tetrahedron_turned_inside_a_mended_cell_is_noticed_by_the_volumes() {
     let mut split = split(raw.cells, &raw.points);
     // The point is moved out of the cell, so that its tetrahedra overlap.
     split.steiner.points[0] = DVec3::new(0.9, 0.1, 0.5);
-    let (mesh, report) = Mesh::build_split(raw.points, split).unwrap();
+    let (mesh, report) = Mesh::build_split(raw.points, split, ConnectivityChoice::Full).unwrap();
     assert_eq!(report.warped_cells, 1);
     assert!(volume(&mesh) > 1.01 * expected);
 }

@@ -9,7 +9,8 @@ use super::curve::{ascending, cell_curve_index, curve_index};
 use super::faces::{ascending_face, connect_in_parts};
 use super::test_meshes::{Random, jittered, kuhn_grid, kuhn_grid_of, shuffled};
 use super::{
-    CellNeighbour, Connectivity, Mesh, MeshError, NONE, Positions, RawMesh, RepairReport, Topology, tet_volume,
+    CellNeighbour, Connectivity, ConnectivityChoice, Mesh, MeshError, NONE, Positions, RawMesh, RepairReport, Topology,
+    tet_volume,
 };
 
 fn build(raw: &RawMesh) -> (Mesh, RepairReport) {
@@ -501,7 +502,7 @@ fn cells_of_a_mesh_are_numbered_as_the_cells_that_they_are_a_part_of() {
         cell_of_tet: Some(cell_of_tet),
         ..super::split(Vec::new().into(), &[])
     };
-    let (mesh, report) = Mesh::build_split(cube.points.clone(), split).unwrap();
+    let (mesh, report) = Mesh::build_split(cube.points.clone(), split, ConnectivityChoice::Full).unwrap();
     let (alone, of_alone) = Mesh::build(cube).unwrap();
     // Named by the cells of the source.
     let worst_cells = report.worst_cells.clone();

@@ -76,6 +76,11 @@ impl Topology {
     pub fn known_connectivity(&self) -> Option<&Connectivity> {
         self.connectivity.get()
     }
+
+    /// Lets connectivity be derived again, if it is asked for.
+    pub(super) fn forget_connectivity(&mut self) {
+        self.connectivity = OnceLock::new();
+    }
 }
 
 /// # Errors

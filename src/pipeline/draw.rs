@@ -2,6 +2,7 @@
 
 use super::Sampling;
 use super::text::FaceText;
+use crate::mesh::Mesh;
 use crate::render::points::{Compositing, PointStyle};
 use crate::render::{KBuffer, RenderError};
 use crate::short::Short;
@@ -12,7 +13,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RenderMode {
-    /// The fastest within the accuracy bounds: the ray caster for all cells, faces for a [`FaceDetail::lod`] below 1.
+    /// The fastest within the accuracy bounds: the ray caster for all cells, faces for a [`FaceDetail::lod`] below 1; points where there is no
+    /// connectivity.
     #[default]
     Auto,
     /// Cell walk, [`crate::render::cpu::raycast`].
@@ -30,6 +32,14 @@ words!(
     "there is no mode",
     ["auto" = Auto, "raycast" = Raycast, "havs" = Havs, "points" = Points, "reference" = Reference]
 );
+
+impl RenderMode {
+    /// The mode for a mesh: [`Self::Auto`] is [`Self::Points`] where there is no connectivity.
+    #[must_use]
+    pub fn on(self, mesh: &Mesh) -> Self {
+        if self == Self::Auto && !mesh.is_connected { Self::Points } else { self }
+    }
+}
 
 /// Which faces are drawn, and how they are sorted.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -71,7 +81,7 @@ impl Default for FaceDetail {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TetDraw {
-    /// All cells, by the fastest renderer within the accuracy bounds.
+    /// All cells, by the fastest renderer within the accuracy bounds; as points where there is no connectivity.
     #[default]
     Auto,
     /// All cells, by rays from cell to cell: [`crate::render::cpu::raycast`].
@@ -101,7 +111,13 @@ impl TetDraw {
         }
     }
 
-    /// The renderer; the one place that resolves [`Self::Auto`].
+    /// The setting for a mesh: [`Self::Auto`] draws points where there is no connectivity.
+    #[must_use]
+    pub fn on(self, mesh: &Mesh) -> Self {
+        if self == Self::Auto && !mesh.is_connected { Self::Points(PointStyle::EXACT) } else { self }
+    }
+
+    /// The renderer; the one place that resolves [`Self::Auto`], for a mesh with connectivity.
     pub fn drawn_by(self) -> DrawnBy {
         match self {
             Self::Auto | Self::Raycast => DrawnBy::Raycast,

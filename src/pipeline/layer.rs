@@ -313,6 +313,11 @@ pub enum RequestError {
         "isosurfaces lie in cells, and points are the cells themselves only with footprint exact, compositing own and all of them drawn; choose these, another mode, or leave the isosurfaces out"
     )]
     IsosurfacesOfPoints,
+    /// Cells without connectivity cannot be drawn like that.
+    #[error(
+        "{0} go from cell to cell, and the mesh was imported without connectivity; import the series again with --connectivity full, or choose --mode points without them"
+    )]
+    Unconnected(&'static str),
     /// The store has no field of that name beside the one shown.
     #[error("the field beside {0}")]
     NoFieldBeside(String),

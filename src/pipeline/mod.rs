@@ -39,6 +39,7 @@ pub(crate) mod test_series;
 mod text;
 mod time;
 mod transparent;
+mod unconnected;
 #[cfg(feature = "gpu")]
 mod window_gpu;
 

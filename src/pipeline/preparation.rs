@@ -10,6 +10,7 @@ use super::series::Series;
 use super::shells::{ShellCells, Shells};
 use super::steps::{StepCache, StepCaches};
 use super::transparent::TransparentCache;
+use super::unconnected;
 use super::{
     Backend, DrawnBy, FaceDetail, FrameRequest, FrameTime, PipelineError, RequestError, SampleSet, TetLayer, Upsampling,
 };
@@ -90,7 +91,10 @@ impl Decode {
             self.region_fields = RegionFields::default();
         }
         let layer = request.tets_of(&series.field.name)?;
-        let by = layer.map_or(DrawnBy::Raycast, |layer| layer.draw.drawn_by());
+        let by = layer.map_or(DrawnBy::Raycast, |layer| layer.draw.on(&series.mesh).drawn_by());
+        if let Some(layer) = layer {
+            unconnected::check(&series.mesh, layer, by, request)?;
+        }
         let Some(layer) = layer.filter(|layer| !layer.is_empty()) else {
             return Ok(Blank::of(&mut self.blank, series).decoded(by));
         };

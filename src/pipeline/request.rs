@@ -6,6 +6,7 @@ use super::{
 };
 use crate::camera::{Camera, CameraError};
 use crate::error::FileError;
+use crate::mesh::Mesh;
 use crate::node_table::TransferTable;
 use crate::render::{Contrast, RenderError};
 use crate::visibility::Skip;
@@ -99,7 +100,13 @@ impl FrameRequest {
         self.with_tets(|tets| tets.draw = draw)
     }
 
-    /// The share of the interior faces that is drawn; 1 where whole cells are.
+    /// The request with its cells drawn as is chosen for a mesh, [`TetDraw::on`].
+    #[must_use]
+    pub fn on(self, mesh: &Mesh) -> Self {
+        self.with_tets(|tets| tets.draw = tets.draw.on(mesh))
+    }
+
+    /// The share of the interior faces, or of the fragments of points, that is drawn; 1 where whole cells are.
     pub fn lod(&self) -> f64 {
         self.tets().map_or(1.0, |tets| tets.draw.lod())
     }
@@ -188,4 +195,30 @@ pub enum PipelineError {
         /// Message of the panic.
         message: String,
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::ConnectivityChoice;
+    use crate::mesh::test_meshes::kuhn_grid;
+    use crate::node_table::NodeTable;
+    use crate::pipeline::test_series;
+    use crate::render::points::PointStyle;
+    use glam::DVec3;
+    use std::sync::Arc;
+
+    fn request(draw: TetDraw) -> FrameRequest {
+        let camera = Camera::default_for((DVec3::ZERO, DVec3::ONE)).unwrap();
+        FrameRequest::new(0, camera, Arc::new(NodeTable::transparent()), (32, 24)).with_draw(draw)
+    }
+
+    #[test]
+    fn a_request_is_of_points_on_a_mesh_without_connectivity_unless_another_way_is_chosen() {
+        let torn = Mesh::build_as(kuhn_grid([1; 3]), ConnectivityChoice::None).unwrap().0;
+        let points = request(TetDraw::Points(PointStyle::EXACT));
+        assert_eq!(request(TetDraw::Auto).on(&torn), points);
+        assert_eq!(request(TetDraw::Auto).on(&test_series::mesh()), request(TetDraw::Auto));
+        assert_eq!(request(TetDraw::Raycast).on(&torn), request(TetDraw::Raycast));
+    }
 }

@@ -3,6 +3,7 @@
 use super::Store;
 use super::blocks::{self, BlockInfo};
 use super::field::StoredField;
+use super::layout::StoredConnectivity;
 use super::writer::bytes_on_disk;
 use crate::error::FileResult;
 use crate::field::Association;
@@ -37,6 +38,9 @@ pub struct MeshInfo {
     /// The blocks of the source; none if it has no two.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub blocks: Vec<BlockInfo>,
+    /// Whether faces and neighbours are there; left out where they are.
+    #[serde(skip_serializing_if = "StoredConnectivity::is_full")]
+    pub connectivity: StoredConnectivity,
     /// What was found and repaired at import.
     pub repair: serde_json::Value,
 }
@@ -75,6 +79,7 @@ impl StoreInfo {
                 cells: mesh.cells,
                 bounds: mesh.attributes.bounds,
                 blocks: blocks::list(&store.root)?,
+                connectivity: mesh.attributes.connectivity,
                 repair: mesh.attributes.repair.clone(),
             },
             time: TimeInfo {
@@ -101,7 +106,8 @@ pub(crate) fn range_text(range: Option<[f32; 2]>) -> String {
 
 impl fmt::Display for StoreInfo {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "mesh     {} cells, {} vertices", self.mesh.cells, self.mesh.vertices)?;
+        let without = if self.mesh.connectivity.is_full() { "" } else { ", without connectivity (drawn as points)" };
+        writeln!(f, "mesh     {} cells, {} vertices{without}", self.mesh.cells, self.mesh.vertices)?;
         if let Some([lo, hi]) = self.mesh.bounds {
             writeln!(f, "bounds   {lo:?} to {hi:?}")?;
         }

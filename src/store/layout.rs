@@ -10,9 +10,12 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use zarrs_metadata::v3::GroupMetadataV3;
 
-/// Version of the layout. A reader accepts any minor version of its major one.
+/// Version of the layout that is read: any minor version of this major one. A store has the least that holds what is in it.
 /// 1.1: fields of cells, weights of means, cells of the source that were split. Readers of 1.0 read the rest; appending they would lose it.
-const STORE_VERSION: [u32; 2] = [1, 1];
+/// 1.2: meshes without connectivity, which readers of 1.1 derive.
+const STORE_VERSION: [u32; 2] = [1, 2];
+/// Version of a store with nothing newer in it.
+const USUAL_VERSION: [u32; 2] = [1, 1];
 /// Version of the derived arrays (faces, face_cells, neighbours, moments); those of other versions are derived again or ignored.
 pub(super) const DERIVED_VERSION: u64 = 1;
 /// Attribute of a derived array that holds its version.
@@ -86,6 +89,27 @@ pub(super) struct MeshAttributes {
     /// Number of the source's cells, if several cells of the mesh are parts of one: so many values has a step of a field of cells.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) source_cells: Option<u64>,
+    /// Whether the arrays of faces and neighbours are there; absent where they are.
+    #[serde(default, skip_serializing_if = "StoredConnectivity::is_full")]
+    pub(super) connectivity: StoredConnectivity,
+}
+
+/// The connectivity of a stored mesh.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum StoredConnectivity {
+    /// Faces and neighbours are stored, or derived where the arrays cannot be used.
+    #[default]
+    Full,
+    /// The mesh is used without: its cells are drawn one by one.
+    None,
+}
+
+impl StoredConnectivity {
+    /// Whether there is any: stores do not say so.
+    pub fn is_full(&self) -> bool {
+        *self == Self::Full
+    }
 }
 
 /// Attributes of the group of fields.
@@ -137,7 +161,16 @@ pub(super) struct FieldAttributes {
 
 /// This layout's version as text.
 pub(crate) fn store_version() -> String {
-    format!("{}.{}", STORE_VERSION[0], STORE_VERSION[1])
+    text_of(STORE_VERSION)
+}
+
+/// The version of a store with this mesh as text.
+pub(super) fn version_with(mesh: &MeshAttributes) -> String {
+    text_of(if mesh.connectivity.is_full() { USUAL_VERSION } else { STORE_VERSION })
+}
+
+fn text_of([major, minor]: [u32; 2]) -> String {
+    format!("{major}.{minor}")
 }
 
 /// Writes a group with its attributes.

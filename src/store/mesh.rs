@@ -2,7 +2,7 @@
 
 use super::array::{StoredArray, write_metadata};
 use super::folder::{Folder, FolderSink};
-use super::layout::{self, DERIVED_ATTRIBUTE, DERIVED_VERSION, MESH, MeshAttributes};
+use super::layout::{self, DERIVED_ATTRIBUTE, DERIVED_VERSION, MESH, MeshAttributes, StoredConnectivity};
 use super::split_cells;
 use crate::codec::{ArraySpec, ChunkSink, Chunking, Element, ElementType, ReadRange, chunk_key, to_bytes};
 use crate::error::{FileError, FileResult};
@@ -73,7 +73,9 @@ pub(super) fn write(root: &Path, mesh: &Mesh, report: &RepairReport) -> FileResu
     let parts = SourceCells::of(&mesh.cell_source);
     let source_cells = (!parts.are_whole()).then(|| parts.len() as u64);
     let frame = mesh.without_far_parts.map(|(lo, hi)| [lo.to_array(), hi.to_array()]);
-    let attributes = MeshAttributes { repair, bounds: Some([lo.to_array(), hi.to_array()]), frame, source_cells };
+    let connectivity = if mesh.is_connected { StoredConnectivity::Full } else { StoredConnectivity::None };
+    let bounds = Some([lo.to_array(), hi.to_array()]);
+    let attributes = MeshAttributes { repair, bounds, frame, source_cells, connectivity };
     layout::write_group(root, MESH, &attributes)?;
 
     let Positions { origin, scale, local } = &mesh.positions;
@@ -82,10 +84,12 @@ pub(super) fn write(root: &Path, mesh: &Mesh, report: &RepairReport) -> FileResu
     let mut to = ArrayWriter::new(root, MESH);
     to.write::<f32, 3>("points", bytemuck::cast_slice(local), ["vertex", "axis"], frame)?;
     to.write("tets", &topology.tets, ["cell", "corner"], Map::new())?;
-    let Connectivity { neighbours, faces, face_cells } = topology.connectivity();
-    to.write("faces", faces, ["face", "corner"], derived())?;
-    to.write("face_cells", face_cells, ["face", "side"], derived())?;
-    to.write::<u32, 4>("neighbours", bytemuck::cast_slice(neighbours), ["cell", "face"], derived())?;
+    if mesh.is_connected {
+        let Connectivity { neighbours, faces, face_cells } = topology.connectivity();
+        to.write("faces", faces, ["face", "corner"], derived())?;
+        to.write("face_cells", face_cells, ["face", "side"], derived())?;
+        to.write::<u32, 4>("neighbours", bytemuck::cast_slice(neighbours), ["cell", "face"], derived())?;
+    }
     to.write("vertex_permutation", column(&mesh.vertex_source), ["vertex", ""], Map::new())?;
     to.write("cell_permutation", column(&mesh.cell_source), ["cell", ""], Map::new())?;
     if mesh.cell_turned.contains(&true) {
@@ -120,7 +124,8 @@ impl StoredMesh {
     /// Reads the mesh; faces and neighbours are derived when they are asked for if they are missing, damaged or of another version.
     pub(super) fn read(&self, root: &Path, source: &dyn ReadRange) -> FileResult<Mesh> {
         let positions = self.read_positions(root, source)?;
-        let topology = match self.read_derived(root, source, self.tets.read(source)?) {
+        let stored = self.attributes.connectivity.is_full().then(|| self.tets.read(source)).transpose()?;
+        let topology = match stored.and_then(|tets| self.read_derived(root, source, tets)) {
             Some(topology) => topology,
             None => self.without_derived(root, source, &positions)?,
         };
@@ -130,7 +135,7 @@ impl StoredMesh {
         let split_cells = split_cells::read(root, source, self.vertices)?;
         let without_far_parts = self.attributes.frame.map(|corners| corners.map(DVec3::from_array).into());
         let mut mesh = Mesh::of_parts(topology, positions, [vertex_source, cell_source], cell_turned, split_cells);
-        mesh.without_far_parts = without_far_parts;
+        (mesh.without_far_parts, mesh.is_connected) = (without_far_parts, self.attributes.connectivity.is_full());
         Ok(mesh)
     }
 

@@ -147,7 +147,7 @@ impl StoreWriter {
             }
         }
         let attributes = RootAttributes {
-            tetreel_store: layout::store_version(),
+            tetreel_store: layout::version_with(&layout::read_group(root, layout::MESH)?),
             tetreel: env!("CARGO_PKG_VERSION").to_owned(),
             source: source.to_owned(),
             notes,

@@ -129,7 +129,7 @@ impl Prober {
 fn find(pipeline: &mut Pipeline, asked: &HoverRequest, cancel: &Cancel) -> Result<Option<Probe>, PipelineError> {
     // The scalars are needed on the CPU, and every cell is: the point under the mouse may be transparent.
     let skip = Skip { transparent_cells: false, transparent_chunks: false, ..asked.request.skip };
-    let request = asked.request.clone().with_draw(TetDraw::Raycast);
+    let request = asked.request.clone().with_draw(TetDraw::Auto);
     let request = FrameRequest { backend: Backend::Cpu, skip, ..request };
     let job = pipeline.prepare_unless(&request, cancel)?;
     Ok(probe(&job, asked.at_px)?)

@@ -50,8 +50,9 @@ impl Requests {
         let none = || Ok(Colors { table: Arc::new(NodeTable::transparent()).into(), formula: None });
         let Ok::<_, Infallible>(request) = look.request(time, size, &keyed, none);
         let lod = look.lod_at(&keyed);
-        let Look { mode, faces, points, .. } = *look;
-        // The level of detail of faces follows from the quality chosen below.
+        let Look { faces, points, .. } = *look;
+        let mode = look.mode.on(series.mesh());
+        // The level of detail of faces follows from the quality chosen below, that of points from this one and the quality.
         let all = if mode == RenderMode::Points { lod } else { 1.0 };
         let draw = TetDraw::chosen(mode, FaceDetail { lod: all, ..faces }, points);
         let request = request.with_draw(draw);

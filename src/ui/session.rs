@@ -244,9 +244,13 @@ impl Session {
         self.player.pipelined().series()
     }
 
-    /// Number of cells of each connected part of the mesh, the largest first.
+    /// Number of cells of each connected part of the mesh, the largest first; a mesh without connectivity is one part.
     pub fn part_sizes(&self) -> &[usize] {
-        self.part_sizes.get_or_init(|| self.series().mesh().topology.connectivity().parts().1)
+        self.part_sizes.get_or_init(|| {
+            let mesh = self.series().mesh();
+            let topology = &mesh.topology;
+            if mesh.is_connected { topology.connectivity().parts().1 } else { vec![topology.tets.len()] }
+        })
     }
 
     /// The path that opens the store or its source again.

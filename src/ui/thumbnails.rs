@@ -114,7 +114,7 @@ impl Thumbnails {
         let scale = self.width_px as f64 / width.max(height).max(1) as f64;
         let side = |px: usize| ((px as f64 * scale).round() as usize).max(1);
         let size_px = (side(width), side(height));
-        FrameRequest { size_px, backend: Backend::Cpu, ..request.clone().with_draw(TetDraw::Raycast) }
+        FrameRequest { size_px, backend: Backend::Cpu, ..request.clone().with_draw(TetDraw::Auto) }
     }
 }
 

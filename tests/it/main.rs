@@ -6,6 +6,7 @@ mod accuracy;
 #[cfg(feature = "cli")]
 mod cli;
 mod common;
+mod connectivity;
 mod cubes;
 mod domain;
 mod exr;

@@ -57,6 +57,11 @@ impl<'a> Steps<'a> {
     /// Reads the mesh. An isosurface uses the first field.
     pub fn new(store: &'a Store, shape: &Shape, groups: Vec<Group>) -> Result<Self, SurfaceError> {
         let mesh = store.mesh()?;
+        if !mesh.is_connected && matches!(shape, Shape::Boundary) {
+            let problem = "was imported without connectivity, by which its surface is known";
+            let error = FileError::unsupported(store.path(), "mesh", problem);
+            return Err(error.remedy("import the series again with --connectivity full").into());
+        }
         let (topology, positions) = (mesh.topology, mesh.positions);
         let points = match store.source_points()? {
             Some(points) => points,

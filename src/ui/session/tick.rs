@@ -159,7 +159,8 @@ impl Session {
         let Some(wanted) = wanted else { return };
         // All cells are at least as good as the chosen faces.
         let lod = shown.request.lod().max(wanted.lod());
-        let draw = TetDraw::chosen(self.look.mode, FaceDetail { lod, ..self.look.faces }, self.look.points);
+        let mode = self.look.mode.on(series.mesh());
+        let draw = TetDraw::chosen(mode, FaceDetail { lod, ..self.look.faces }, self.look.points);
         let wanted = FrameRequest { for_window: shown.request.for_window, ..wanted.with_draw(draw) };
         let is_here = !shown.frame.planes.color.pixels.is_empty();
         let is_due = is_here && (self.state().playing || self.state().frame == Some(shown.request.time));
