@@ -72,7 +72,7 @@ impl<'a> StoredSeries<'a> {
         let buffer = Mutex::new(Vec::new());
         Ok(Self {
             store,
-            mesh: RawMesh { points, cells: Cells { tets, solids } },
+            mesh: RawMesh { points, cells: Cells { tets, solids, ..Cells::default() } },
             fields,
             readers,
             vertices,

@@ -86,10 +86,11 @@ impl Joints {
 
     /// The mesh with one point for those that are one.
     pub(super) fn join(&self, mesh: RawMesh) -> RawMesh {
-        let RawMesh { mut points, cells: Cells { mut tets, solids } } = mesh;
+        let RawMesh { mut points, cells: Cells { mut tets, solids, points: point_cells, radii, volumes } } = mesh;
         gather(&mut points, &self.sources);
         tets.as_flattened_mut().iter_mut().for_each(|vertex| *vertex = self.joined[*vertex as usize]);
-        let mut cells = Cells::from(tets);
+        let point_cells = point_cells.iter().map(|vertex| self.joined[*vertex as usize]).collect();
+        let mut cells = Cells { points: point_cells, radii, volumes, ..Cells::from(tets) };
         solids.iter().for_each(|solid| cells.solids.push_renumbered(solid, |vertex| self.joined[vertex as usize]));
         RawMesh { points, cells }
     }

@@ -41,6 +41,17 @@ pub enum MeshError {
         "none of the {0} cells has a volume: their points coincide or lie in planes, to 24 bits of the mesh's extent"
     )]
     AllFlat(usize),
+    /// All points of a cloud were dropped.
+    #[error(
+        "none of the {0} points has a radius: all are zero, negative or not finite, or the nearest points are at the same place; import with --radius R"
+    )]
+    NoRadii(usize),
+    /// No point has a volume.
+    #[error("none of the {0} points has a volume: all are zero, negative or not finite; import with --volume V")]
+    NoVolumes(usize),
+    /// Points have no radii, and this build estimates none.
+    #[error("the points have no radii, and this build without the feature clouds estimates none; give a radius")]
+    NoNeighbours,
     /// Two stored arrays that belong together differ in length.
     #[error("{array} has {found} entries instead of {expected}")]
     WrongLength {

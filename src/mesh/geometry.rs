@@ -31,9 +31,27 @@ pub fn tet_aspect_ratio(corners: [Vec3; 4]) -> f64 {
     if rounded < FLAT { rounded } else { ratio(tet_volume(corners)) }
 }
 
+/// Volume over that of a ball of the radius: neither the cube of the radius nor what is smaller than the result leaves f64.
+pub(super) fn filling(volume: f64, radius: f64) -> f64 {
+    volume / ball_volume(1.0) / radius / radius / radius
+}
+
+/// Volume of a ball.
+pub fn ball_volume(radius: f64) -> f64 {
+    4.0 / 3.0 * std::f64::consts::PI * radius.powi(3)
+}
+
 impl Mesh {
-    /// Volume of a cell in local units, above zero. The world volume is `scale^3` times it.
+    /// Volume of a point of a cloud over that of its ball.
+    pub fn filling_of(&self, point: u32) -> f64 {
+        self.filling.as_ref().map_or(1.0, |filling| filling[point as usize].into())
+    }
+
+    /// Volume of a cell, or of a cloud's point, in local units, above zero. The world volume is `scale^3` times it.
     pub fn cell_volume(&self, cell: u32) -> f64 {
+        if let Some(radii) = &self.radii {
+            return ball_volume(radii[cell as usize].into()) * self.filling_of(cell);
+        }
         tet_volume(self.positions.corners(self.topology.tets[cell as usize]))
     }
 
@@ -41,6 +59,9 @@ impl Mesh {
     pub fn total_volume(&self) -> f64 {
         /// Cells per partial sum; fixed, so that rounding does not depend on the number of threads.
         const RUN: usize = 4096;
+        if let Some(radii) = &self.radii {
+            return (0..radii.len() as u32).map(|point| self.cell_volume(point)).sum();
+        }
         let run_volume = |run: &[[u32; 4]]| run.iter().map(|&tet| tet_volume(self.positions.corners(tet))).sum::<f64>();
         let runs: Vec<f64> = self.topology.tets.par_chunks(RUN).map(run_volume).collect();
         runs.iter().sum()

@@ -3,6 +3,9 @@
 mod build;
 mod cells_around;
 mod check;
+mod cloud;
+#[cfg(feature = "clouds")]
+mod cloud_radii;
 mod connectivity;
 pub mod contour;
 mod curve;
@@ -33,10 +36,11 @@ mod tests;
 mod topology;
 
 pub use cells_around::CellsAround;
+pub use cloud::CloudReport;
 pub use connectivity::{CellNeighbour, Connectivity, NONE};
 pub use error::MeshError;
 pub use far::FarParts;
-pub use geometry::{tet_aspect_ratio, tet_volume};
+pub use geometry::{ball_volume, tet_aspect_ratio, tet_volume};
 pub use gradient::{tet_gradient, tet_gradient_magnitude};
 pub use plane::Plane;
 pub use positions::Positions;
@@ -79,6 +83,11 @@ pub struct Mesh {
     pub without_far_parts: Option<(DVec3, DVec3)>,
     /// Whether the mesh was imported with its connectivity. Without it cells are drawn one by one, and what needs faces is refused.
     pub is_connected: bool,
+    /// Radius of the ball around each vertex, in local units, of a cloud, whose cells are its vertices, each four times; `None` for a mesh of
+    /// tetrahedra.
+    pub radii: Option<Vec<f32>>,
+    /// Volume of each vertex over that of its ball, above zero, of a cloud that has volumes.
+    pub filling: Option<Vec<f32>>,
     /// Made when values of cells are first brought to the vertices.
     cells_around: OnceLock<CellsAround>,
 }
@@ -103,6 +112,8 @@ impl Mesh {
             split_cells,
             without_far_parts,
             is_connected: true,
+            radii: None,
+            filling: None,
             cells_around,
         }
     }

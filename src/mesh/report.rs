@@ -2,7 +2,8 @@
 
 use std::fmt;
 
-use super::{FarParts, Unconnected};
+use super::{CloudReport, FarParts, Unconnected};
+use crate::short::Short;
 use serde::Serialize;
 
 /// Counts of what was found and repaired while a mesh was built. `Display` gives a clean mesh one line, and any other
@@ -51,6 +52,9 @@ pub struct RepairReport {
     /// parts; `None` with connectivity.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unconnected: Option<Unconnected>,
+    /// What is particular to a cloud; `None` for a mesh of cells.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cloud: Option<CloudReport>,
     /// Parts so far away that the default view leaves them out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub far_parts: Option<FarParts>,
@@ -107,6 +111,8 @@ impl RepairReport {
             (self.duplicate_cells, "cells with the vertices of an earlier one dropped"),
             (self.unreferenced_vertices, "points that no remaining cell uses dropped"),
             (self.coincident_points, "points at the position of another one kept, as their scalars may differ"),
+            (self.cloud.map_or(0, |cloud| cloud.without_radius), "points without a radius above zero dropped"),
+            (self.cloud.map_or(0, |cloud| cloud.without_volume), "points without a volume above zero dropped"),
             (self.non_manifold_faces, "faces of more than two cells, or of overlapping ones, treated as boundary"),
         ]
         .into_iter()
@@ -116,6 +122,13 @@ impl RepairReport {
 impl fmt::Display for RepairReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let counted = |count, one, many| format!("{count} {}", if count == 1 { one } else { many });
+        if let Some(cloud) = &self.cloud {
+            write!(f, "{}, {cloud}", counted(self.cells_out, "point", "points"))?;
+            for (count, what) in self.findings().filter(|&(count, _)| count > 0) {
+                write!(f, "\n{what}: {count}")?;
+            }
+            return Ok(());
+        }
         f.write_str(&counted(self.cells_out, "cell", "cells"))?;
         write!(f, ", {}", counted(self.vertices_out, "vertex", "vertices"))?;
         match &self.unconnected {
@@ -145,6 +158,16 @@ impl fmt::Display for RepairReport {
             write!(f, "\nflattest cells of the source (aspect ratio): {}", cells.join(", "))?;
         }
         Ok(())
+    }
+}
+
+impl fmt::Display for CloudReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [least, most] = self.radius.map(Short);
+        let how = if self.estimated { " (half the distance to the fourth nearest point)" } else { "" };
+        write!(f, "radius {least} to {most}{how}")?;
+        let Some([least, most]) = self.volume.map(|ends| ends.map(Short)) else { return Ok(()) };
+        write!(f, ", volume {least} to {most}")
     }
 }
 

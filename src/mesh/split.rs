@@ -211,19 +211,30 @@ fn take_front<'a>(list: &mut &'a [u32], count: usize) -> &'a [u32] {
     front
 }
 
-/// The cells of a [`RawMesh`](super::RawMesh): tetrahedra, then those of other shapes.
+/// The cells of a [`RawMesh`](super::RawMesh): tetrahedra, then those of other shapes; or points alone, which are a cloud.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cells {
     /// Vertex indices of the linear tetrahedra.
     pub tets: Vec<[u32; 4]>,
     /// The other cells, numbered on from the tetrahedra.
     pub solids: Solids,
+    /// Cells of one point each; there are others only where there are none of these.
+    pub points: Vec<u32>,
+    /// Radius of each of these, in world units; empty if they are not known.
+    pub radii: Vec<f64>,
+    /// Volume of each of these, in world units; empty if they are those of balls of the radii.
+    pub volumes: Vec<f64>,
 }
 
 impl Cells {
     /// Number of cells.
     pub fn len(&self) -> usize {
-        self.tets.len() + self.solids.len()
+        self.tets.len() + self.solids.len() + self.points.len()
+    }
+
+    /// Whether the cells are points.
+    pub fn are_points(&self) -> bool {
+        !self.points.is_empty()
     }
 
     /// Whether there are no cells.
@@ -233,6 +244,11 @@ impl Cells {
 
     /// The cells of these numbers, which ascend.
     pub fn gathered(&self, numbers: &[u32]) -> Self {
+        if self.are_points() {
+            let of = |sizes: &[f64]| numbers.iter().filter_map(|&number| sizes.get(number as usize).copied()).collect();
+            let points = numbers.iter().map(|&number| self.points[number as usize]).collect();
+            return Self { points, radii: of(&self.radii), volumes: of(&self.volumes), ..Self::default() };
+        }
         let (tets, solids) = numbers.split_at(numbers.partition_point(|&number| (number as usize) < self.tets.len()));
         let mut gathered = Self::from(tets.iter().map(|&tet| self.tets[tet as usize]).collect::<Vec<_>>());
         let mut wanted = solids.iter().map(|&number| number as usize - self.tets.len()).peekable();
@@ -246,7 +262,8 @@ impl Cells {
 
     /// Vertex indices of each cell.
     pub fn iter(&self) -> impl Iterator<Item = &[u32]> {
-        self.tets.iter().map(<[u32; 4]>::as_slice).chain(self.solids.iter().map(Solid::vertices))
+        let cells = self.tets.iter().map(<[u32; 4]>::as_slice).chain(self.solids.iter().map(Solid::vertices));
+        cells.chain(self.points.iter().map(std::slice::from_ref))
     }
 }
 
@@ -377,7 +394,9 @@ fn face_order(solids: &Solids, points: &[DVec3]) -> impl Fn(u32) -> (u8, u32) + 
 }
 
 fn split_by(cells: Cells, order: impl Fn(u32) -> (u8, u32)) -> Split {
-    let Cells { mut tets, solids } = cells;
+    let Cells { mut tets, solids, points, .. } = cells;
+    // A point is a cell without a volume.
+    tets.extend(points.into_iter().map(|vertex| [vertex; 4]));
     let steiner = SteinerPoints::default();
     if solids.is_empty() {
         return Split { tets, cell_of_tet: None, solids, steiner };
