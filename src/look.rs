@@ -124,16 +124,18 @@ impl Look {
         let mesh = series.mesh();
         let diagonal = |(lo, hi): (DVec3, DVec3)| (hi - lo).length();
         let unit = Lengths::of_diagonal(diagonal(mesh.frame())).unit_distance;
+        // That of a cloud is the box of its balls.
+        let whole = if mesh.is_cloud() { mesh.frame() } else { mesh.positions.world_bounds() };
         Ok(Self {
             camera: Camera::default_for(mesh.frame())?,
             tf,
             range: RangePolicy::default(),
             opacity_kind: OpacityKind::default(),
             // A mesh without extent is refused when it is built, so the diagonal is positive.
-            lengths: Lengths::new(unit, diagonal(mesh.positions.world_bounds())),
+            lengths: Lengths::new(unit, diagonal(whole)),
             mode: RenderMode::default(),
             faces: FaceDetail::default(),
-            points: PointStyle::default(),
+            points: PointStyle::usual_of(mesh),
             backend: Backend::default(),
             optics: OpticsKind::default(),
             surfaces: SurfaceLook::default(),

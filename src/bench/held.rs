@@ -76,11 +76,12 @@ pub fn run_held(
     cancel: &Cancel,
 ) -> Result<HeldRun, PipelineError> {
     let HeldBench { target_ms, frames, .. } = *bench;
+    let full = bench.request.clone().on(pipeline.mesh());
     let mut control = QualityControl::default();
     let steps = pipeline.times().len().max(1);
     let at = |frame: usize| -> Result<FrameRequest, CameraError> {
-        let camera: Camera = bench.request.camera.orbit(TURN_DEG * frame as f64, 0.0)?;
-        Ok(FrameRequest { time: (frame % steps).into(), camera, ..bench.request.clone() })
+        let camera: Camera = full.camera.orbit(TURN_DEG * frame as f64, 0.0)?;
+        Ok(FrameRequest { time: (frame % steps).into(), camera, ..full.clone() })
     };
     // Twice at rest: the first frame fills caches.
     let mut exact_ms = 0.0;
@@ -91,9 +92,10 @@ pub fn run_held(
     let wanted = Wanted {
         target_ms: Some(target_ms),
         family: None,
-        has_rays: bench.request.may_leave_rays_out(),
+        has_rays: full.may_leave_rays_out(),
         has_details: false,
-        faces: bench.request.tets().and_then(|tets| tets.draw.drawn_by().faces()).map(|faces| faces.lod),
+        faces: full.tets().and_then(|tets| tets.draw.drawn_by().faces()).map(|faces| faces.lod),
+        has_points: full.may_leave_points_out(),
         or_exact: false,
     };
     let (mut ms, mut chosen, mut judged, mut on_gpu) = (Vec::new(), BTreeMap::new(), Vec::new(), false);
@@ -141,6 +143,7 @@ impl Judged {
         wanted: &Wanted,
         cancel: &Cancel,
     ) -> Result<(f64, Option<f64>), PipelineError> {
+        let is_connected = pipeline.mesh().is_connected;
         let mut draw = |quality: Quality| -> Result<(f64, RgbaImage), PipelineError> {
             // State of the previous frame is reused, as in the motion.
             let [before, request] =
@@ -158,10 +161,14 @@ impl Judged {
         let (_, image) = draw(self.quality)?;
         let own = error(&image);
         let mut best: Option<f64> = None;
-        for quality in [Family::Rays, Family::Scaled, Family::Faces].into_iter().flat_map(Family::qualities) {
-            if matches!(quality, Quality::Rays(_)) && !wanted.has_rays {
-                continue;
-            }
+        let usable = |family: &Family| match family {
+            Family::Rays => wanted.has_rays,
+            Family::Faces => is_connected,
+            Family::Points => wanted.has_points,
+            Family::Scaled => true,
+            Family::Details => false,
+        };
+        for quality in Family::ALL.into_iter().filter(usable).flat_map(Family::qualities) {
             let (ms, image) = draw(quality)?;
             if wanted.target_ms.is_some_and(|target_ms| ms <= target_ms) {
                 best = Some(best.map_or(error(&image), |best| best.min(error(&image))));
@@ -178,5 +185,45 @@ fn name(quality: Quality) -> String {
         Quality::Scaled(share) => format!("scale {share}"),
         Quality::Details => "details".to_owned(),
         Quality::Faces(level) => format!("faces {level}"),
+        Quality::Points(share) => format!("points {share}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::run_still;
+    use crate::ingest::{IngestOptions, ingest};
+    use crate::mesh::ConnectivityChoice;
+    use crate::node_table::{Node, NodeTable};
+    use crate::pipeline::{Backend, Series};
+    use crate::store::Store;
+    use crate::synth::{SeriesName, SynthSpec, generate};
+    use crate::task::Silent;
+    use std::sync::Arc;
+
+    #[test]
+    fn cells_without_connectivity_are_moved_as_points_and_judged_by_what_draws_them() {
+        let source = generate(&SynthSpec { cells: 600, steps: 2, ..SynthSpec::new(SeriesName::Jet) }).unwrap();
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("soup.zarr");
+        let options = IngestOptions { connectivity: ConnectivityChoice::None, ..Default::default() };
+        ingest(&source, &path, &options, &Silent, &Cancel::new()).unwrap();
+        let mut pipeline = Pipeline::new(Arc::new(Series::open(&Store::open(&path).unwrap(), None).unwrap()));
+        let camera = Camera::default_for(pipeline.mesh().positions.world_bounds()).unwrap();
+        let table = NodeTable::new(vec![Node { scalar: 0.0, rgb: [1.0, 0.5, 0.0], tau: 1.0 }]).unwrap();
+        let request = FrameRequest::new(0, camera, Arc::new(table), (24, 16));
+        let request = FrameRequest { backend: Backend::Cpu, ..request };
+        // Nothing is within a nanosecond, and everything is within a day.
+        for (target_ms, are_exact) in [(1e-6, false), (1e8, true)] {
+            let bench = HeldBench { dataset: "soup".to_owned(), request: request.clone(), frames: 8, target_ms };
+            let run = run_held(&mut pipeline, &bench, &Silent, &Cancel::new()).unwrap();
+            assert_eq!(run.chosen.values().sum::<usize>(), 8 - SETTLED);
+            let is_known = |name: &String| ["exact", "scale ", "points "].iter().any(|of| name.starts_with(of));
+            assert!(run.chosen.keys().all(is_known), "{:?}", run.chosen);
+            assert_eq!(run.chosen.contains_key("exact"), are_exact, "{:?}", run.chosen);
+            assert_eq!(run.rmse.max == 0.0, are_exact);
+        }
+        assert!(run_still(&mut pipeline, "soup", &request, &Silent, &Cancel::new()).unwrap().is_none());
     }
 }

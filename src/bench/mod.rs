@@ -12,6 +12,7 @@ mod pareto;
 mod playback;
 #[cfg(feature = "cli")]
 pub mod plot;
+mod points;
 mod report;
 mod statistics;
 mod still;
@@ -24,6 +25,7 @@ pub use machine::Machine;
 pub use paired::{Paired, Timings, paired};
 pub use pareto::pareto_front;
 pub use playback::{PlaybackBench, PlaybackBenchError, PlaybackRun, SeekTimes, run_playback};
+pub use points::{PointsRow, PointsRun, points_progress, run_points};
 pub use report::{BenchReport, BenchRun, JUDGE_RAW, JUDGE_REFERENCE, JUDGE_TABLE, RunError, RunTimes, SceneName};
 pub use statistics::{Spread, median, percentile};
 pub use still::{StillRow, StillRun, run_still};

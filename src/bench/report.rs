@@ -3,7 +3,7 @@
 //! Figures that were not measured are `null`, and so are those that JSON cannot express: the PSNR of two equal images is infinite.
 
 use super::accuracy::IntegrationRun;
-use super::{HeldRun, Machine, PlaybackRun, StillRun, percentile};
+use super::{HeldRun, Machine, PlaybackRun, PointsRun, StillRun, percentile};
 use crate::image::{RgbaImage, compare};
 use crate::stats::FrameStats;
 use serde::{Deserialize, Serialize};
@@ -32,6 +32,9 @@ pub struct BenchReport {
     /// Reuse of details of earlier steps (motion suite).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub still: Vec<StillRun>,
+    /// Cells as points in all their ways (points suite).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub points: Vec<PointsRun>,
     /// Errors of integrating one segment (accuracy suite).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub integration: Vec<IntegrationRun>,
@@ -267,6 +270,7 @@ mod tests {
             playback: Vec::new(),
             held: Vec::new(),
             still: Vec::new(),
+            points: Vec::new(),
             integration: Vec::new(),
         };
         let json = serde_json::to_value(&report).unwrap();

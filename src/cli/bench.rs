@@ -8,7 +8,7 @@ use super::{Outcome, print_result, source};
 use crate::bench::accuracy::{AccuracyTable, EqualTimeTable, IntegrationTable, TABLE_SIZES, integration_errors};
 use crate::bench::{
     BenchReport, BenchRun, FrameBench, HeldBench, HeldRun, MOTIONS, Machine, Motion, PlaybackBench, PlaybackRun,
-    SeekTimes, run_frames, run_held, run_playback, run_still,
+    SeekTimes, points_progress, run_frames, run_held, run_playback, run_points, run_still,
 };
 use crate::files;
 use crate::task::Progress;
@@ -27,7 +27,8 @@ pub(super) struct Args {
     /// frame: time of frames; accuracy: time and error of every way to render against the reference, on the same scenes, what error a
     /// time buys, and the error of one segment by optics and size of the table (docs/accuracy.md); playback: what moving time costs, and
     /// seeks; motion: how well a frame rate is held while camera and time move, and with what error, and
-    /// how far details of earlier steps are off while the camera stands still; all: all of them
+    /// how far details of earlier steps are off while the camera stands still; points: time and error of cells as points, beside
+    /// faces and the ray caster, and what each source of error alone makes; all: all of them
     #[arg(long, value_enum, default_value_t = Suite::Frame)]
     suite: Suite,
     /// Frames measured in each run (accuracy: of each path and scene); of playback pairs of 30 frames, and seeks;
@@ -56,6 +57,7 @@ enum Suite {
     Accuracy,
     Playback,
     Motion,
+    Points,
     All,
 }
 
@@ -65,7 +67,7 @@ impl Suite {
         match self {
             Self::Frame => MOTIONS.map(|m| (m, false)).to_vec(),
             Self::All => MOTIONS.map(|m| (m, m.time && m.camera)).to_vec(),
-            Self::Playback | Self::Motion | Self::Accuracy => Vec::new(),
+            Self::Playback | Self::Motion | Self::Points | Self::Accuracy => Vec::new(),
         }
     }
 
@@ -80,8 +82,8 @@ pub(super) fn run(args: &Args, terminal: &Terminal) -> anyhow::Result<Outcome> {
         files::check_place(path)?;
     }
     accuracy::check(args)?;
-    let (machine, playback, held, still) = (Machine::detect(), vec![], vec![], vec![]);
-    let mut report = BenchReport { machine, runs: vec![], playback, held, still, integration: vec![] };
+    let (machine, playback, held, still, points) = (Machine::detect(), vec![], vec![], vec![], vec![]);
+    let mut report = BenchReport { machine, runs: vec![], playback, held, still, points, integration: vec![] };
     if args.suite != Suite::Accuracy {
         args.scene.check_adapter()?;
         for path in &args.stores {
@@ -135,6 +137,12 @@ fn run_moving(path: &Path, args: &Args, terminal: &Terminal, report: &mut BenchR
         terminal.end();
         report.still.extend(run_still(pipeline, &dataset, &request, terminal, &terminal.cancel)?);
     }
+    if args.suite.has(Suite::Points) {
+        terminal.begin("bench", points_progress(frames), "ways and rounds");
+        let run = run_points(pipeline, &dataset, &request, frames, terminal, &terminal.cancel)?;
+        report.points.push(run);
+        terminal.end();
+    }
     report.machine.adapter = gpu_report(&scene.pipeline).adapter.or(report.machine.adapter.take());
     Ok(())
 }
@@ -168,6 +176,7 @@ impl fmt::Display for Table<'_> {
         self.0.playback.iter().try_for_each(|run| playback_rows(f, run))?;
         self.0.held.iter().try_for_each(|run| held_rows(f, run))?;
         self.0.still.iter().try_for_each(|run| run.fmt(f))?;
+        self.0.points.iter().try_for_each(|run| run.fmt(f))?;
         AccuracyTable(&self.0.runs).fmt(f)?;
         EqualTimeTable(&self.0.runs).fmt(f)?;
         IntegrationTable(&self.0.integration).fmt(f)

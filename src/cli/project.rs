@@ -223,11 +223,12 @@ mod tests {
     use glam::DVec3;
 
     /// Options of looks, by what they set.
-    const LOOKS: [&str; 10] = [
+    const LOOKS: [&str; 11] = [
         "",
         "--opacity-kind extinction --unit-distance 0.1 --optics partial --backend cpu",
         "--mode havs --lod 0.3 --sampling greedy:9 --k 12 --inexact-order",
         "--mode points --footprint ellipse --compositing gap --point-radius 0.6 --lod 0.5 --inexact-order",
+        "--mode points --lod 0.5 --sampling plain",
         "--mode raycast --camera pos=1,2,3_focal=0.1,0,0.3_up=0,0,1_angle=20.5_near=0.25",
         "--mode reference --camera parallel=3",
         "--iso=-9:#ff8000/#102030:0.4 --iso=-50:by=velocity:0@gray:0.25 --iso=-120.5:by=velocity:1 --shade vertex --ao",

@@ -7,6 +7,7 @@ use crate::codec::BlockCache;
 use crate::export::run::{check_memory, parse_size};
 use crate::field::FieldSelector;
 use crate::look::{DEFAULT_TF, Look};
+use crate::mesh::Mesh;
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, FaceDetail, Pipeline, RenderMode, Sampling, Series, TetDraw};
 use crate::project::Project;
@@ -84,7 +85,8 @@ pub(super) struct FaceArgs {
     lod: f64,
     /// Which faces havs draws first: error (by chance, more of those that would be missed), random, global (those that change
     /// most over time), plain (the same by the dissertation's formula), or regular, logarithmic, greedy (strata of scalars in
-    /// each interval; :N intervals, 6 if not said)
+    /// each interval; :N intervals, 6 if not said). Of points, error and random are by chance, all alike; global and plain make half of
+    /// them likelier by this measure
     #[arg(long, value_name = "SAMPLING", default_value = "error")]
     sampling: Sampling,
     /// Fragments that havs keeps in order at a time, 2 to 32
@@ -105,9 +107,9 @@ impl FaceArgs {
 /// Options for cells as points.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct PointArgs {
-    /// Shape of cells drawn as points: square, circle, ellipse or exact
-    #[arg(long, value_name = "SHAPE", default_value = "exact")]
-    footprint: Footprint,
+    /// Shape of cells drawn as points: square, circle, ellipse or exact (default); points without cells have no exact one (default: circle)
+    #[arg(long, value_name = "SHAPE")]
+    footprint: Option<Footprint>,
     /// Light of points on a ray: own (each cell by itself) or gap (between successive points, as in the dissertation)
     #[arg(long, value_name = "HOW", default_value = "own")]
     compositing: Compositing,
@@ -121,7 +123,23 @@ impl SceneArgs {
     fn point_style(&self) -> PointStyle {
         let PointArgs { footprint, compositing, point_radius } = self.points;
         let FaceDetail { lod, k_buffer, .. } = self.faces.detail();
-        PointStyle { footprint, compositing, radius: point_radius, lod, exact_order: k_buffer.exact_order }
+        let (footprint, exact_order) = (footprint.unwrap_or_default(), k_buffer.exact_order);
+        PointStyle { footprint, compositing, radius: point_radius, lod, exact_order, ..PointStyle::EXACT }
+    }
+
+    /// The same, for a mesh.
+    ///
+    /// # Errors
+    /// If it is of points and the footprint is that of cells.
+    fn point_style_of(&self, mesh: &Mesh) -> anyhow::Result<PointStyle> {
+        let style = self.point_style();
+        if mesh.is_cloud() && self.points.footprint == Some(Footprint::Exact) {
+            bail!(
+                "--footprint exact is the shape of a cell, and the series is of points alone; choose square, circle or ellipse"
+            );
+        }
+        let footprint = self.points.footprint.unwrap_or(PointStyle::usual_of(mesh).footprint);
+        Ok(PointStyle { footprint, ..style })
     }
 
     /// How cells are drawn.
@@ -130,12 +148,14 @@ impl SceneArgs {
     }
 
     /// Refuses options of other modes than the chosen one.
-    fn check_mode(&self) -> anyhow::Result<()> {
-        let (draw, faces, style) = (self.draw(), self.faces.detail(), self.point_style());
+    fn check_mode(&self, mesh: &Mesh) -> anyhow::Result<()> {
+        let (draw, faces, style) = (self.draw(), self.faces.detail(), self.point_style_of(mesh)?);
         if let TetDraw::Points(_) = draw {
-            let alike = FaceDetail { sampling: faces.sampling, ..FaceDetail::default() };
-            if alike != FaceDetail::default() || faces.k_buffer.k != KBuffer::USUAL.k {
-                bail!("--sampling and --k are about faces; leave them out, or choose --mode havs");
+            if let Sampling::Local(_) = faces.sampling {
+                bail!("--sampling {} is about faces; points have error, random, global and plain", faces.sampling);
+            }
+            if faces.k_buffer.k != KBuffer::USUAL.k {
+                bail!("--k is about faces; leave it out, or choose --mode havs");
             }
             if style.footprint == Footprint::Exact && style.radius != 1.0 {
                 bail!("--point-radius {} scales square, circle and ellipse; choose one with --footprint", style.radius);
@@ -152,7 +172,7 @@ impl SceneArgs {
             bail!("--lod, --sampling, --k and --inexact-order are about faces; add --mode havs");
         }
         let PointStyle { footprint, compositing, radius, .. } = style;
-        let usual = PointStyle::EXACT;
+        let usual = PointStyle::usual_of(mesh);
         if (footprint, compositing, radius) != (usual.footprint, usual.compositing, usual.radius) {
             bail!("--footprint, --compositing and --point-radius are about points; add --mode points");
         }
@@ -265,7 +285,7 @@ impl SceneArgs {
     ) -> anyhow::Result<Look> {
         let tf = tf.with_context(|| format!("--tf '{}'", self.tf.display()))?;
         let faces = self.faces.detail();
-        self.check_mode()?;
+        self.check_mode(series.mesh())?;
         // A vector field is shown by its magnitude; for surfaces the user must choose.
         if let Some(FieldSelector { name, component: None }) = &self.field
             && self.surfaces.has_isosurfaces()
@@ -290,7 +310,7 @@ impl SceneArgs {
             mode: self.mode.on(series.mesh()),
             faces,
             // Its level of detail is that of the faces.
-            points: PointStyle { lod: 1.0, ..self.point_style() },
+            points: PointStyle { lod: 1.0, ..self.point_style_of(series.mesh())? },
             backend: self.backend,
             optics: self.optics,
             surfaces: self.surfaces.look(series, &look.tf, look.lengths)?,

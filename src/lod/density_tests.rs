@@ -193,3 +193,47 @@ fn a_ranking_by_density_covers_the_mesh_more_evenly_than_chance() {
     let half = (all.len() / 16) as f64;
     assert!((odd as f64 - half).abs() < 4.0 * half.sqrt(), "{odd} of {half}");
 }
+
+#[test]
+fn half_of_a_sample_of_cells_is_even_and_half_goes_by_their_importance() {
+    let mesh = mesh();
+    let (topology, count) = (&mesh.topology, mesh.topology.tets.len());
+    let mut variation: Vec<f32> = (0..mesh.positions.local.len()).map(|v| (v % 7) as f32 * 0.1).collect();
+    (variation[0], variation[1]) = (f32::NAN, f32::INFINITY);
+    let density = cell_density(topology, &variation);
+    let finite = |v: u32| if v < 2 { 0.0 } else { f64::from(variation[v as usize]) };
+    let importance: Vec<f64> = topology.tets.iter().map(|tet| tet.iter().map(|&v| finite(v)).sum()).collect();
+    let mean = importance.iter().sum::<f64>() / count as f64;
+    for (found, importance) in density.iter().zip(&importance) {
+        assert_eq!(*found, (1.0 + importance / mean) as f32);
+    }
+    // The least density is half of the mean one, so no cell has less than half its even chance.
+    let whole: f64 = density.iter().map(|&of| f64::from(of)).sum();
+    assert!((whole / count as f64 - 2.0).abs() < 1e-6 && density.iter().all(|&of| of >= 1.0));
+    // Over seeds, cells are drawn in proportion: the mean count of each half by density, in 200 samples of 36 of 360.
+    let threshold = 2.0f32;
+    let is_dense = |cell: u32| density[cell as usize] > threshold;
+    let share: f64 =
+        (0..count as u32).filter(|&cell| is_dense(cell)).map(|cell| f64::from(density[cell as usize])).sum();
+    let (samples, drawn) = (200, count / 10);
+    let dense: usize = (0..samples)
+        .map(|seed| {
+            Ranking::of_cells_by_density(&density, seed).ids()[..drawn].iter().filter(|&&cell| is_dense(cell)).count()
+        })
+        .sum();
+    let [found, expected] = [dense as f64 / (samples as usize * drawn) as f64, share / whole];
+    // Four standard deviations of draws at random; these are stratified, and vary less.
+    let deviation = (expected * (1.0 - expected) / (samples as usize * drawn) as f64).sqrt();
+    let even = (0..count as u32).filter(|&cell| is_dense(cell)).count() as f64 / count as f64;
+    assert!((found - expected).abs() < 4.0 * deviation, "{found} {expected} {deviation}");
+    assert!((found - even).abs() > 4.0 * deviation, "the test can fail: {even}");
+    // Where nothing changes, they are all alike; and any number of threads gives one list.
+    let none = cell_density(topology, &vec![0.0; variation.len()]);
+    assert_eq!(Ranking::of_cells_by_density(&none, 3), Ranking::of_cells(count, 3));
+    assert_ne!(Ranking::of_cells(count, 3), Ranking::of_cells(count, 4));
+    let lists = [1, 3].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| Ranking::of_cells_by_density(&cell_density(topology, &variation), 5))
+    });
+    assert_eq!(lists[0], lists[1]);
+}

@@ -31,7 +31,7 @@ mod strata;
 #[cfg(test)]
 mod tests;
 
-pub use importance::importance;
+pub use importance::{cell_density, importance};
 pub use interpolation_error::sampling_density;
 pub use intervals::{Interval, Partition, interval_at, step_change};
 pub use ranking::{Ranking, list_change};

@@ -57,6 +57,12 @@ impl Ranking {
         Self { ids: (0..cells as u32).collect(), universe: cells }.sampled(|_| 1.0, seed)
     }
 
+    /// A sample of cells with `density` as relative density, one number for each: otherwise as [`Self::by_density`].
+    pub fn of_cells_by_density(density: &[f32], seed: u32) -> Self {
+        let cells = density.len();
+        Self { ids: (0..cells as u32).collect(), universe: cells }.sampled(|cell| density[cell as usize], seed)
+    }
+
     /// A sample of these ids by their densities.
     fn sampled(self, density: impl Fn(u32) -> f32 + Sync, seed: u32) -> Self {
         let Self { ids, universe } = self;

@@ -1,9 +1,9 @@
 //! Meshes and random numbers shared by several test modules.
 
-use glam::DVec3;
-
-use super::RawMesh;
+use super::{Cells, Mesh, RawMesh};
 use crate::random::SplitMix64;
+use glam::DVec3;
+use std::sync::Arc;
 
 /// Random numbers that are repeatable from their seed, which a failing property prints.
 pub struct Random(SplitMix64);
@@ -31,6 +31,14 @@ impl Random {
             items.swap(i, self.below(i + 1));
         }
     }
+}
+
+/// A cloud of balls: middle and radius; and their volumes, if they have some. Points are in the order of a curve; those of one place as given.
+pub fn cloud(balls: &[(DVec3, f64)], volumes: &[f64]) -> Arc<Mesh> {
+    let (points, radii): (Vec<_>, Vec<_>) = balls.iter().copied().unzip();
+    let cells =
+        Cells { points: (0..balls.len() as u32).collect(), radii, volumes: volumes.to_vec(), ..Cells::default() };
+    Arc::new(Mesh::build_cloud(&RawMesh { points, cells }).unwrap().0)
 }
 
 /// The six paths from a cube's first corner to its last along the axes: H. W. Kuhn's subdivision, which matches between cubes. Beside each,
@@ -93,4 +101,17 @@ pub fn shuffled(raw: &RawMesh, random: &mut Random) -> (RawMesh, Vec<u32>) {
     let mut tets: Vec<_> = raw.cells.tets.iter().map(|tet| tet.map(|v| new[v as usize])).collect();
     random.shuffle(&mut tets);
     (RawMesh { points: old.iter().map(|&v| raw.points[v as usize]).collect(), cells: tets.into() }, old)
+}
+
+/// Every cell with vertices of its own, in random order, its corners turned.
+pub fn torn(raw: &RawMesh, random: &mut Random) -> RawMesh {
+    let mut points = Vec::new();
+    let mut tets = Vec::new();
+    for tet in &raw.cells.tets {
+        let first = points.len() as u32;
+        points.extend(tet.map(|v| raw.points[v as usize]));
+        let turned = [[0, 1, 2, 3], [1, 2, 0, 3], [1, 0, 3, 2], [3, 2, 1, 0]][random.below(4)];
+        tets.push(turned.map(|i| first + i));
+    }
+    shuffled(&RawMesh { points, cells: tets.into() }, random).0
 }

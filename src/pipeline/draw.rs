@@ -99,14 +99,17 @@ impl TetDraw {
     pub const ALL_FACES: Self = Self::Faces(FaceDetail::ALL);
 
     /// The setting for a user's mode. A level of detail applies to faces: [`RenderMode::Auto`] becomes these faces if it leaves some out,
-    /// else [`Self::Auto`], which therefore holds no face settings. Points have the level of detail of `faces`.
+    /// else [`Self::Auto`], which therefore holds no face settings. Points have the level of detail of `faces`, and their
+    /// measure of importance.
     pub fn chosen(mode: RenderMode, faces: FaceDetail, points: PointStyle) -> Self {
         match mode {
             RenderMode::Auto if faces.lod < 1.0 => Self::Faces(faces),
             RenderMode::Auto => Self::Auto,
             RenderMode::Raycast => Self::Raycast,
             RenderMode::Havs => Self::Faces(faces),
-            RenderMode::Points => Self::Points(PointStyle { lod: faces.lod, ..points }),
+            RenderMode::Points => {
+                Self::Points(PointStyle { lod: faces.lod, importance: faces.sampling.importance(), ..points })
+            }
             RenderMode::Reference => Self::Reference,
         }
     }
@@ -114,7 +117,7 @@ impl TetDraw {
     /// The setting for a mesh: [`Self::Auto`] draws points where there is no connectivity.
     #[must_use]
     pub fn on(self, mesh: &Mesh) -> Self {
-        if self == Self::Auto && !mesh.is_connected { Self::Points(PointStyle::EXACT) } else { self }
+        if self == Self::Auto && !mesh.is_connected { Self::Points(PointStyle::usual_of(mesh)) } else { self }
     }
 
     /// The renderer; the one place that resolves [`Self::Auto`], for a mesh with connectivity.

@@ -56,6 +56,8 @@ pub(super) enum Key {
     Global(CovDenominator),
     /// The step whose scalars are sampled.
     Step(usize),
+    /// Of cells, by their importance if there is a measure of it.
+    Cells(Option<CovDenominator>),
 }
 
 /// The cached rankings of a series, computed when first asked for.

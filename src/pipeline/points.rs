@@ -13,8 +13,6 @@ use std::sync::Arc;
 /// Lists of the cells of successive frames.
 #[derive(Debug)]
 pub(super) struct PointLists {
-    /// The order in which cells come with a rising level of detail, of one mesh.
-    ranking: Option<(Arc<Mesh>, Arc<Ranking>)>,
     selector: CellSelector,
     depth: DepthOrder,
     /// The last list in the order of ids.
@@ -27,28 +25,27 @@ pub(super) struct PointLists {
 impl Default for PointLists {
     fn default() -> Self {
         let depth = DepthOrder::of(Elements::Cells);
-        let (ranking, selector, last) = Default::default();
-        Self { ranking, selector, depth, last, pool: Pool::default(), ends: Vec::new() }
+        let (selector, last) = Default::default();
+        Self { selector, depth, last, pool: Pool::default(), ends: Vec::new() }
     }
 }
 
 impl PointLists {
-    /// The points of a frame: the active cells of the level of detail, in depth order if their fragments are not sorted.
+    /// The points of a frame: the active cells of the level of detail, the first of the ranking, in depth order if their fragments are not
+    /// sorted. Without a ranking they come in the order of ids.
     ///
     /// # Errors
     /// `Cancelled`.
     pub(super) fn find(
         &mut self,
-        mesh: &Arc<Mesh>,
+        (mesh, active, ranking): (&Arc<Mesh>, &Arc<CellSet>, Option<&Arc<Ranking>>),
         style: PointStyle,
-        active: &Arc<CellSet>,
         view: &View,
         cancel: &Cancel,
         stats: &mut FrameStats,
     ) -> Result<PointScene, PipelineError> {
         let count = style.points(active.count());
-        let ranking = (style.lod < 1.0).then(|| self.ranking_of(mesh));
-        let selection = self.selector.select(ranking.as_ref(), count, active);
+        let selection = self.selector.select(ranking, count, active);
         let cells = if style.exact_order {
             self.listed(selection)
         } else {
@@ -59,18 +56,6 @@ impl PointLists {
             drawn
         };
         Ok(PointScene { cells, style })
-    }
-
-    /// A sample of the cells, stratified along the curve that they follow.
-    fn ranking_of(&mut self, mesh: &Arc<Mesh>) -> Arc<Ranking> {
-        if let Some((of, ranking)) = &self.ranking
-            && Arc::ptr_eq(of, mesh)
-        {
-            return ranking.clone();
-        }
-        let ranking = Arc::new(Ranking::of_cells(mesh.topology.tets.len(), 0));
-        self.ranking = Some((mesh.clone(), ranking.clone()));
-        ranking
     }
 
     /// The cells of a selection in the order of ids.
@@ -113,11 +98,15 @@ mod tests {
     fn lists_are_kept_while_nothing_changes_and_cells_are_sorted_only_for_an_inexact_order() {
         let (mesh, never) = (test_series::mesh(), Cancel::new());
         let active = Arc::new(CellSet::all(mesh.topology.tets.len()));
+        let ranking = Arc::new(Ranking::of_cells(mesh.topology.tets.len(), 0));
         let (mut lists, mut stats) = (PointLists::default(), FrameStats::default());
         let view = request(ELLIPSE).camera.view(32, 24).unwrap();
         for (lod, exact_order) in [(1.0, true), (0.5, true), (1.0, false), (0.5, false)] {
             let style = PointStyle { lod, exact_order, ..ELLIPSE };
-            let mut found = || lists.find(&mesh, style, &active, &view, &never, &mut stats).unwrap().cells;
+            let mut found = || {
+                let of = (&mesh, &active, Some(&ranking).filter(|_| lod < 1.0));
+                lists.find(of, style, &view, &never, &mut stats).unwrap().cells
+            };
             let (first, second) = (found(), found());
             assert!(Arc::ptr_eq(&first, &second));
             assert_eq!(first.ids.len(), style.points(active.count()));
@@ -126,6 +115,36 @@ mod tests {
             assert_eq!((stats.face_sorts, stats.face_sorts_skipped), if exact_order { (0, 0) } else { (0, 1) });
         }
         assert!(lists.depth.sorts() > 0 && lists.depth.sorts_skipped() > 0);
+    }
+
+    #[test]
+    fn points_by_importance_are_other_cells_more_of_which_change() {
+        let series = test_series::jet();
+        let never = Cancel::new();
+        let denominator = crate::moments::CovDenominator::default();
+        let measure = Some(denominator);
+        let [even, important] = [None, measure].map(|of| series.cell_ranking(of, &never).unwrap().unwrap());
+        assert!(Arc::ptr_eq(&important, &series.cell_ranking(measure, &never).unwrap().unwrap()));
+        let variation = series.variation(denominator, &never).unwrap().unwrap();
+        let change = |ranking: &Ranking| -> f64 {
+            let first = &ranking.ids()[..ranking.ids().len() / 4];
+            first
+                .iter()
+                .flat_map(|&cell| series.mesh().topology.tets[cell as usize])
+                .map(|v| f64::from(variation[v as usize]))
+                .sum()
+        };
+        assert!(change(&important) > 1.1 * change(&even), "{} {}", change(&important), change(&even));
+        let mut pipeline = Pipeline::new(series);
+        let style = PointStyle { lod: 0.5, ..ELLIPSE };
+        let by_chance = pipeline.render(&request(style)).unwrap().clone();
+        let by_importance = pipeline.render(&request(PointStyle { importance: measure, ..style })).unwrap().clone();
+        assert_eq!(by_chance.stats.points_drawn, by_importance.stats.points_drawn);
+        assert_ne!(by_chance.planes, by_importance.planes);
+        // Where all are drawn, it makes no difference.
+        let [a, b] = [None, measure]
+            .map(|importance| pipeline.render(&request(PointStyle { importance, ..ELLIPSE })).unwrap().planes.clone());
+        assert_eq!(a, b);
     }
 
     #[test]

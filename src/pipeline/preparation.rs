@@ -348,7 +348,8 @@ impl Order {
         let planes = cut_planes(&decoded.layer.cuts, &series.mesh.positions).map_err(RequestError::from)?;
         let Decoded { layer, scalars, known, transparent, region_values, .. } = &decoded;
         let forget = !request.skip.unchanged;
-        let keep_away = !request.skip.outside || decoded.by.needs_all_cells();
+        // A ball may reach out of what clips remove.
+        let keep_away = !request.skip.outside || decoded.by.needs_all_cells() || series.mesh.is_cloud();
         let in_sight = InSight { layer, scalars, known, transparent, region_values, planes: &planes, keep_away };
         let Sight { activity, clipped, of_all_regions } = self.in_sight.find(series, in_sight, forget, cancel)?;
         let goes_through_more = !request.skip.transparent_cells || keep_away && !planes.clips.is_empty();
@@ -374,8 +375,17 @@ impl Order {
             }
             None => (None, KBuffer::default()),
         };
-        let points = by.points().map(|style| self.points.find(&series.mesh, style, &active, &view, cancel, &mut stats));
-        let points = points.transpose()?;
+        let points = match by.points() {
+            Some(style) => {
+                let ranking = match style.lod < 1.0 {
+                    true => Some(series.cell_ranking(style.importance, cancel)?.ok_or(PipelineError::Cancelled)?),
+                    false => None,
+                };
+                let of = (&series.mesh, &active, ranking.as_ref());
+                Some(self.points.find(of, style, &view, cancel, &mut stats)?)
+            }
+            None => None,
+        };
         let joint = match layer.table.joint() {
             None => None,
             Some(table) => {

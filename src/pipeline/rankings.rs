@@ -3,7 +3,7 @@
 use super::kept::{Key, Rankings};
 use super::series::Series;
 use crate::error::FileResult;
-use crate::lod::{Interval, Partition, Ranking, importance, interval_at, sampling_density, step_change};
+use crate::lod::{Interval, Partition, Ranking, cell_density, importance, interval_at, sampling_density, step_change};
 use crate::moments::{CovDenominator, Moments};
 use crate::store::FieldReader;
 use crate::task::Cancel;
@@ -25,6 +25,16 @@ pub enum Sampling {
     Global(CovDenominator),
     /// By strata of the scalars of one step in each interval (dissertation 6.1.4.1).
     Local(Partition),
+}
+
+impl Sampling {
+    /// The measure of importance by which cells are sampled that are drawn as points: that of faces, or none.
+    pub fn importance(self) -> Option<CovDenominator> {
+        match self {
+            Self::Global(denominator) => Some(denominator),
+            Self::Error | Self::Random | Self::Local(_) => None,
+        }
+    }
 }
 
 impl FromStr for Sampling {
@@ -73,7 +83,10 @@ impl fmt::Display for Sampling {
 /// Steps evaluated for [`Sampling::Error`], evenly spread: more change little, and take longer.
 const ERROR_STEPS: usize = 16;
 
-/// Most cached rankings: four bytes per face each.
+/// Seed of the random numbers by which cells are chosen.
+const CELL_SEED: u32 = 0;
+
+/// Most cached rankings: four bytes per face or cell each.
 const MOST: usize = 8;
 
 impl Series {
@@ -95,6 +108,20 @@ impl Series {
             }
         };
         self.ranking_in(&mut kept, key, cancel)
+    }
+
+    /// A sample of the cells, stratified along the curve that they follow, all alike or by their importance. It is cached as the others
+    /// are. `None` if `cancel` was raised.
+    ///
+    /// # Errors
+    /// If a step that is needed cannot be decoded.
+    pub fn cell_ranking(
+        &self,
+        importance: Option<CovDenominator>,
+        cancel: &Cancel,
+    ) -> FileResult<Option<Arc<Ranking>>> {
+        let mut kept = self.rankings.lock().unwrap_or_else(PoisonError::into_inner);
+        self.ranking_in(&mut kept, Key::Cells(importance), cancel)
     }
 
     /// Any ranking, for a level of detail that draws all faces; costs no sorting.
@@ -120,6 +147,11 @@ impl Series {
             Key::Global(denominator) => {
                 let Some(variation) = self.variation(denominator, cancel)? else { return Ok(None) };
                 Ranking::by_importance(topology, &importance(topology, &self.at_vertices(variation)))
+            }
+            Key::Cells(None) => Ranking::of_cells(topology.tets.len(), CELL_SEED),
+            Key::Cells(Some(denominator)) => {
+                let Some(variation) = self.variation(denominator, cancel)? else { return Ok(None) };
+                Ranking::of_cells_by_density(&cell_density(topology, &self.at_vertices(variation)), CELL_SEED)
             }
             Key::Step(step) => {
                 let mut scalars = vec![0.0; self.scalar_count()];

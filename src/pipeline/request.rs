@@ -121,6 +121,16 @@ impl FrameRequest {
         !self.guides && self.upsampling.is_none() && self.tets().is_some_and(may)
     }
 
+    /// Whether its cells are drawn as points, of which some may be left out: without isosurfaces and sections, which lie in the cells
+    /// themselves.
+    pub fn may_leave_points_out(&self) -> bool {
+        let may = |tets: &TetLayer| {
+            let has_sections = tets.cuts.iter().any(|cut| !cut.clips);
+            tets.draw.drawn_by().points().is_some() && tets.surfaces.is_empty() && !has_sections
+        };
+        self.tets().is_some_and(may)
+    }
+
     /// The one layer of cells, if any, checked against the name of the series' field.
     ///
     /// # Errors
@@ -205,12 +215,28 @@ mod tests {
     use crate::node_table::NodeTable;
     use crate::pipeline::test_series;
     use crate::render::points::PointStyle;
+    use crate::render::surfaces::{Cut, Isosurface};
     use glam::DVec3;
     use std::sync::Arc;
 
     fn request(draw: TetDraw) -> FrameRequest {
         let camera = Camera::default_for((DVec3::ZERO, DVec3::ONE)).unwrap();
         FrameRequest::new(0, camera, Arc::new(NodeTable::transparent()), (32, 24)).with_draw(draw)
+    }
+
+    #[test]
+    fn points_may_be_left_out_where_nothing_lies_in_the_cells() {
+        let points = request(TetDraw::Points(PointStyle::EXACT));
+        assert!(points.may_leave_points_out());
+        for draw in [TetDraw::Auto, TetDraw::Raycast, TetDraw::ALL_FACES, TetDraw::Reference] {
+            assert!(!request(draw).may_leave_points_out(), "{draw:?}");
+        }
+        let iso = points.clone().with_tets(|tets| tets.surfaces = vec![Isosurface::new(0.5)]);
+        let [section, clip] = [false, true].map(|clips| {
+            let cut = Cut { point: [0.5; 3], normal: [1.0, 0.0, 0.0], clips, by: None };
+            points.clone().with_tets(|tets| tets.cuts = vec![cut])
+        });
+        assert_eq!([iso, section, clip].map(|request| request.may_leave_points_out()), [false, false, true]);
     }
 
     #[test]

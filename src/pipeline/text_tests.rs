@@ -94,9 +94,12 @@ fn draw() -> impl Strategy<Value = TetDraw> {
     );
     let footprint = prop::sample::select(Footprint::ALL.to_vec());
     let compositing = prop::sample::select(Compositing::ALL.to_vec());
-    let points = (footprint, compositing, 1e-9..=8.0_f64, 0.0..=1.0_f64, prop::bool::ANY).prop_map(
-        |(footprint, compositing, radius, lod, exact_order)| {
-            TetDraw::Points(PointStyle { footprint, compositing, radius, lod, exact_order })
+    let importance = prop::option::of((0.0..=1.0_f64).prop_map(|share| CovDenominator::Floored { share }));
+    let flags = [prop::bool::ANY; 2];
+    let points = (footprint, compositing, 1e-9..=8.0_f64, 0.0..=1.0_f64, flags, importance).prop_map(
+        |(footprint, compositing, radius, lod, [exact_order, constant_scalar], importance)| {
+            let style = PointStyle { footprint, compositing, radius, lod, exact_order, importance, constant_scalar };
+            TetDraw::Points(style)
         },
     );
     prop_oneof![Just(TetDraw::Auto), Just(TetDraw::Raycast), Just(TetDraw::Reference), faces, points]

@@ -16,6 +16,9 @@ impl LookSettings {
         let draws_faces = matches!(draw, TetDraw::Faces(_));
         let points = if mode == RenderMode::Points { look.points } else { usual.points };
         let of_faces = |differs: bool| draws_faces && differs;
+        let of_points = |differs: bool| mode == RenderMode::Points && differs;
+        let is_sampled =
+            of_faces(faces.sampling != usual.faces.sampling) || of_points(faces.sampling.importance().is_some());
         let unit = look.lengths.unit_distance;
         Self {
             ensemble,
@@ -26,7 +29,7 @@ impl LookSettings {
             // The reference has its own.
             optics: differing(look.optics, usual.optics).filter(|_| mode != RenderMode::Reference),
             lod: differing(draw.lod(), usual.faces.lod).filter(|_| draws_faces || mode == RenderMode::Points),
-            sampling: of_faces(faces.sampling != usual.faces.sampling).then(|| faces.sampling.to_string()),
+            sampling: is_sampled.then(|| faces.sampling.to_string()),
             k: of_faces(faces.k_buffer.k != usual.faces.k_buffer.k).then_some(faces.k_buffer.k),
             inexact_order: (of_faces(!faces.k_buffer.exact_order) || !points.exact_order).then_some(true),
             footprint: differing(points.footprint, usual.points.footprint),

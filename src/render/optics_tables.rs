@@ -1,6 +1,7 @@
 //! Transfer functions prepared for integration, cached between frames.
 
 use super::RenderJob;
+use super::points::PointStyle;
 use crate::mesh::Mesh;
 use crate::node_table::NodeTable;
 use crate::optics::exact::ExactTable;
@@ -138,7 +139,14 @@ impl OpticsTables {
         let pairs = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)];
         let longest =
             |tet: &[u32; 4]| pairs.map(|(a, b)| at(tet[a]).distance(at(tet[b]))).into_iter().fold(0.0, f64::max);
-        let longest = mesh.topology.tets.par_iter().map(longest).reduce(|| 0.0, f64::max);
+        let longest = match &mesh.radii {
+            // A diameter, widened to the greatest scale, times the filling.
+            Some(radii) => {
+                let diameter = |(point, &r): (u32, &f32)| 2.0 * f64::from(r) * mesh.filling_of(point);
+                PointStyle::MOST_RADIUS * (0..).zip(radii).map(diameter).fold(0.0, f64::max)
+            }
+            None => mesh.topology.tets.par_iter().map(longest).reduce(|| 0.0, f64::max),
+        };
         self.longest_edge = Some((mesh.clone(), longest));
         longest
     }

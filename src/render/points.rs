@@ -1,5 +1,7 @@
 //! How cells are drawn as points: [`PointStyle`], and the cells of a job, [`PointScene`]. The renderer is [`cpu::points`](super::cpu::points).
 
+use crate::mesh::Mesh;
+use crate::moments::CovDenominator;
 use crate::short::Short;
 use crate::visibility::Drawn;
 use crate::words::words;
@@ -55,12 +57,35 @@ pub struct PointStyle {
     pub lod: f64,
     /// Whether the fragments of a pixel are sorted; if not, they are in the order of their cells' centroids.
     pub exact_order: bool,
+    /// Whether cells whose scalars change much over time, in this measure, are likelier among the first; without it all are alike, and only
+    /// then does the mean optical depth not depend on the level of detail.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub importance: Option<CovDenominator>,
+    /// Whether cells by themselves have one scalar each, the mean of their corners' (dissertation 3.1.3), where they would have that of the
+    /// place in them: to measure what it costs. All but `own` *exact* and *ellipse* have it anyhow. Not on the GPU.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub constant_scalar: bool,
 }
 
 impl PointStyle {
     /// Exact footprints of all cells, each cell by itself, in exact order.
-    pub const EXACT: Self =
-        Self { footprint: Footprint::Exact, compositing: Compositing::Own, radius: 1.0, lod: 1.0, exact_order: true };
+    pub const EXACT: Self = Self {
+        footprint: Footprint::Exact,
+        compositing: Compositing::Own,
+        radius: 1.0,
+        lod: 1.0,
+        exact_order: true,
+        importance: None,
+        constant_scalar: false,
+    };
+
+    /// Balls, each by itself, of a cloud.
+    pub const BALLS: Self = Self { footprint: Footprint::Circle, ..Self::EXACT };
+
+    /// The most faithful style for a mesh.
+    pub fn usual_of(mesh: &Mesh) -> Self {
+        if mesh.is_cloud() { Self::BALLS } else { Self::EXACT }
+    }
 
     /// Greatest scale of footprints.
     pub const MOST_RADIUS: f64 = 8.0;
@@ -80,7 +105,7 @@ impl PointStyle {
         Ok(())
     }
 
-    /// Whether every ray's light is that of the cells themselves.
+    /// Whether rays go through the cells themselves, all of them.
     pub fn is_exact(&self) -> bool {
         (self.footprint, self.compositing) == (Footprint::Exact, Compositing::Own) && self.lod >= 1.0
     }

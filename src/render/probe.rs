@@ -35,7 +35,7 @@ pub struct Probe {
     pub cell: u32,
     /// The cell's number in the source's mesh, of which it is or is a part: the order in which `export` writes cells.
     pub source_cell: u32,
-    /// World coordinates.
+    /// World coordinates; of a ball its middle.
     pub position: DVec3,
     /// Barycentric coordinates in the order of the cell's vertices: not negative, sum 1.
     pub weights: [f64; 4],
@@ -43,7 +43,7 @@ pub struct Probe {
     pub scalar: f64,
     /// World length along the viewing direction, from the eye (parallel projection: from the camera's position).
     pub depth: f64,
-    /// This cell's share of the pixel's opacity, in (0, 1].
+    /// This cell's share of the pixel's opacity, in (0, 1]; 1 of a ball.
     pub share: f64,
 }
 
@@ -58,13 +58,16 @@ pub fn interpolate(weights: [f64; 4], scalars: [f32; 4]) -> f64 {
 
 /// The visible point at an image position of a job: `at_px` is in pixels, from the left and from the top, with pixel centres at
 /// (i + .5, j + .5). `None` outside the image and where nothing is visible. Fragments of other layers count as far as they are of the
-/// job's shells.
+/// job's shells. Of a cloud: the nearest active ball, where the ray is nearest to its middle.
 ///
 /// # Errors
 /// If the parts of the job do not match.
 pub fn probe(job: &RenderJob, at_px: (f64, f64)) -> Result<Option<Probe>, RenderError> {
     job.check()?;
     let Some(ray) = Ray::new(job, at_px) else { return Ok(None) };
+    if let Some(radii) = &job.mesh.radii {
+        return Ok(ray.nearest_ball(job, radii));
+    }
     let chain = ray.chain(job);
     let mut total = 0.0;
     let mut best: Option<Seen> = None;
@@ -140,6 +143,29 @@ impl<'a> Ray<'a> {
             let ending = around.iter().filter(|shell| !behind.is_some_and(|cell| shell.cells.contains(cell)));
             let opacity = 1.0 - ending.map(|shell| 1.0 - shell.surface.opacity).product::<f64>();
             (opacity > 0.0 && weight < ON_FACE).then_some((depth, opacity))
+        })
+    }
+
+    /// The nearest active ball on the ray.
+    fn nearest_ball(&self, job: &RenderJob, radii: &[f32]) -> Option<Probe> {
+        let (mesh, near) = (&job.mesh, self.view.near_depth());
+        let hit = |cell: u32| {
+            let center = self.view.to_view(mesh.positions.local[cell as usize].as_dvec3());
+            let along = DVec3::new(self.px, self.py, 1.0);
+            let depth = if self.view.perspective { center.dot(along) / along.length_squared() } else { center.z };
+            let is_met = self.at(depth).distance(center) <= f64::from(radii[cell as usize]) && depth > near;
+            is_met.then_some((depth, cell))
+        };
+        let cells = (0..radii.len() as u32).filter(|&cell| job.active.contains(cell));
+        let (depth, cell) = cells.filter_map(hit).min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))?;
+        Some(Probe {
+            cell,
+            source_cell: mesh.cell_source.get(cell as usize).copied().unwrap_or(cell),
+            position: mesh.positions.world(cell as usize),
+            weights: [1.0, 0.0, 0.0, 0.0],
+            scalar: f64::from(job.scalars.at_corners(cell, mesh.topology.tets[cell as usize])[0]),
+            depth: depth * mesh.positions.scale,
+            share: 1.0,
         })
     }
 

@@ -10,6 +10,7 @@ use crate::pipeline::{Backend, RenderMode, Sampling, SurfaceLook};
 use crate::playback::Command;
 use crate::playback::quality::Family;
 use crate::project::Edit;
+use crate::render::points::PointStyle;
 use crate::transfer::{ColorMap, OpacityKind, OpacityPoint, RangePolicy};
 use crate::ui::tracks::KeyAction;
 use crate::ui::views::ViewAction;
@@ -125,10 +126,12 @@ pub enum Action {
     Backend(Backend),
     /// Sets the renderer.
     Renderer(RenderMode),
-    /// Sets the share of interior faces to draw, 0 to 1, for face renderers.
+    /// Sets the share to draw, 0 to 1: of interior faces, or of the fragments of points.
     LevelOfDetail(f64),
     /// Sets which faces are drawn, for face renderers.
     Sampling(Sampling),
+    /// Sets how cells are drawn as points; their level of detail is that of [`Self::LevelOfDetail`]. An invalid radius is not applied.
+    Points(PointStyle),
     /// Sets how segments of a ray are integrated.
     Optics(OpticsKind),
     /// Sets isosurfaces, their light, and whether the volume is shown.

@@ -8,6 +8,7 @@ use crate::look::{EnsembleChoice, Followed, Look};
 use crate::optics::OpticsKind;
 use crate::pipeline::{FaceDetail, RenderMode, SurfaceLook};
 use crate::project::{Data, Project};
+use crate::render::points::PointStyle;
 use crate::timeline::At;
 use crate::transfer::{Ensemble, Function, Lengths, Member, OpacityKind};
 use std::collections::VecDeque;
@@ -26,6 +27,7 @@ pub(super) struct State {
     project: Arc<Project>,
     mode: RenderMode,
     faces: FaceDetail,
+    points: PointStyle,
     optics: OpticsKind,
     opacity_kind: OpacityKind,
     lengths: Lengths,
@@ -36,15 +38,15 @@ pub(super) struct State {
 impl State {
     /// Copies the state to a look, which keeps its camera and its device.
     fn restore(self, look: &mut Look) {
-        let Self { mode, faces, optics, opacity_kind, lengths, surfaces, followed, .. } = self;
+        let Self { mode, faces, points, optics, opacity_kind, lengths, surfaces, followed, .. } = self;
         let followed = Followed { camera: look.followed.camera, ..followed };
-        *look = Look { mode, faces, optics, opacity_kind, lengths, surfaces, followed, ..look.clone() };
+        *look = Look { mode, faces, points, optics, opacity_kind, lengths, surfaces, followed, ..look.clone() };
     }
 
     fn is_same(&self, other: &Self) -> bool {
         let key = |state: &Self| {
-            let Self { mode, faces, optics, opacity_kind, lengths, followed, .. } = *state;
-            (mode, faces, optics, opacity_kind, lengths, Followed { camera: true, ..followed })
+            let Self { mode, faces, points, optics, opacity_kind, lengths, followed, .. } = *state;
+            (mode, faces, points, optics, opacity_kind, lengths, Followed { camera: true, ..followed })
         };
         let is_same_project = Arc::ptr_eq(&self.project, &other.project) || self.project == other.project;
         is_same_project && key(self) == key(other) && self.surfaces == other.surfaces
@@ -208,9 +210,9 @@ impl Document {
 }
 
 fn state_of(project: &Arc<Project>, look: &Look) -> State {
-    let Look { mode, faces, optics, opacity_kind, lengths, followed, .. } = *look;
+    let Look { mode, faces, points, optics, opacity_kind, lengths, followed, .. } = *look;
     let (project, surfaces) = (project.clone(), look.surfaces.clone());
-    State { project, mode, faces, optics, opacity_kind, lengths, surfaces, followed }
+    State { project, mode, faces, points, optics, opacity_kind, lengths, surfaces, followed }
 }
 
 /// A project without ensembles, with the transfer function of a look.

@@ -76,10 +76,14 @@ pub mod opacity;
 pub mod opening;
 mod pace;
 pub mod picture;
+#[cfg(test)]
+mod points_tests;
 pub mod probe;
 #[cfg(test)]
 mod project_tests;
 mod project_worker;
+#[cfg(test)]
+mod quality_tests;
 mod requests;
 #[cfg(test)]
 mod saving_tests;

@@ -10,24 +10,26 @@ use crate::playback::quality::{Family, Quality, Wanted};
 pub(super) struct Drawing {
     /// The chosen renderer.
     pub(super) mode: RenderMode,
-    /// Largest share of faces.
+    /// Largest share of faces; of points, that at rest.
     pub(super) lod: f64,
     /// Whether contrast may decide which rays are cast.
     pub(super) has_rays: bool,
     /// Whether there are details of an earlier frame of the same view.
     pub(super) has_details: bool,
+    /// Whether some of the points may be left out.
+    pub(super) has_points: bool,
 }
 
 impl Drawing {
     /// The requirements for the quality control.
     pub(super) fn wanted(self, family: Option<Family>, target_ms: Option<f64>) -> Wanted {
-        let Self { mode, lod, has_rays, has_details } = self;
+        let Self { mode, lod, has_rays, has_details, has_points } = self;
         let lod = if lod.is_nan() { 1.0 } else { lod.clamp(0.0, 1.0) };
         let are_faces = mode == RenderMode::Havs || mode == RenderMode::Auto && lod < 1.0;
-        let has_faces = matches!(mode, RenderMode::Auto | RenderMode::Havs);
+        let has_faces = has_points || matches!(mode, RenderMode::Auto | RenderMode::Havs);
         let family = family.filter(|&family| family != Family::Faces || has_faces);
         let faces = are_faces.then_some(lod);
-        Wanted { target_ms, family, has_rays, has_details, faces, or_exact: mode == RenderMode::Auto }
+        Wanted { target_ms, family, has_rays, has_details, faces, has_points, or_exact: mode == RenderMode::Auto }
     }
 
     /// Quality at rest, whatever its cost.

@@ -193,6 +193,11 @@ impl ProjectWorker {
         }
     }
 
+    /// The settings at a time for which they were asked lately.
+    pub(super) fn known(&self, time: FrameTime) -> Option<&Keyed> {
+        self.kept.iter().find(|(kept, _)| *kept == time).and_then(|(_, made)| made.as_ref().ok())
+    }
+
     fn find(&mut self, time: FrameTime) -> Option<Made> {
         let at = self.kept.iter().position(|(kept, _)| *kept == time)?;
         let found = self.kept.remove(at)?;

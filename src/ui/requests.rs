@@ -61,7 +61,8 @@ impl Requests {
         // A request that may leave out rays may use details, but not with surfaces of the domain or of regions.
         let is_of_cells = request.tets().is_some_and(|tets| tets.domain.is_empty());
         let has_details = has_rays && is_of_cells && self.still.as_ref().is_some_and(|still| still.is_of(&request));
-        let quality = choose(Drawing { mode, lod, has_rays, has_details });
+        let has_points = request.may_leave_points_out();
+        let quality = choose(Drawing { mode, lod, has_rays, has_details, has_points });
         let still = self.still.as_mut().filter(|_| quality == Quality::Details);
         let request = FrameRequest { residual: still.map(Still::next), ..request };
         let previews = if quality == Quality::Exact { self.previews.clone() } else { Vec::new() };

@@ -24,6 +24,7 @@ mod meshes;
 mod no_unsafe;
 mod peers;
 mod pipeline;
+mod points;
 mod range_map;
 mod region_surfaces;
 mod render;

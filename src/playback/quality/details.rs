@@ -48,7 +48,7 @@ impl DetailsError {
     /// Whether frames with details have a smaller error than the least of `other`, or no error is known yet.
     pub(super) fn is_better_than(&self, other: Quality) -> bool {
         if self.recent.is_empty() {
-            return !matches!(other, Quality::Faces(_));
+            return !matches!(other, Quality::Faces(_) | Quality::Points(_));
         }
         let mean = |which: usize| {
             let sum: f64 = self.recent.iter().map(|rmse| rmse[which] * rmse[which]).sum();
@@ -58,7 +58,7 @@ impl DetailsError {
             Quality::Rays(contrast) => LEAST_OF_CONTRAST * f64::from(contrast.get()),
             // Bilinear interpolation is of second order where an image is smooth, and falls more slowly where it is not.
             Quality::Scaled(share) => mean(1) * (SHARE / share).powi(2),
-            Quality::Exact | Quality::Details | Quality::Faces(_) => return false,
+            Quality::Exact | Quality::Details | Quality::Faces(_) | Quality::Points(_) => return false,
         };
         mean(0) < if self.is_in_use { STAY * least } else { least }
     }

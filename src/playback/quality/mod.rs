@@ -1,7 +1,7 @@
 //! Holds a frame rate while something moves, with the least error that allows it.
 //!
-//! A frame is drawn in full, or by one of the [families](Family): fewer rays, a smaller image, fewer faces, each with a parameter from fine
-//! to coarse (its rungs). [`QualityControl`] records what each rung took and chooses that of the next frame. It has no clock and no
+//! A frame is drawn in full, or by one of the [families](Family): fewer rays, a smaller image, fewer faces or points, each with a parameter
+//! from fine to coarse (its rungs). [`QualityControl`] records what each rung took and chooses that of the next frame. It has no clock and no
 //! threads.
 //!
 //! ```text
@@ -12,12 +12,14 @@
 //!         cheapest does, for which the coarsest ways of both are tried, and finer ones as long as they take no more
 //! details where the camera stands still, in place of either: as soon as their measured error is smaller (`details.rs`)
 //! faces   where the user draws faces
+//! points  where points are drawn, if no smaller image is within the target; the smallest is tried before (`points.rs`)
 //! ```
 //! A measurement names the quality of its frame, so it may come late (frames are rendered in a pipeline). A finer rung that took too long
 //! is not tried again until its cost has changed with that of the others: the quality does not oscillate.
 
 mod costs;
 mod details;
+mod points;
 mod rungs;
 #[cfg(test)]
 mod tests;
@@ -33,7 +35,7 @@ use serde::{Deserialize, Serialize};
 /// How a frame is drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Quality {
-    /// In full: all rays or cells.
+    /// In full: all rays or cells, or the points that were chosen.
     #[default]
     Exact,
     /// Only the rays that a contrast needs ([`SampleSet::Adaptive`]).
@@ -44,6 +46,8 @@ pub enum Quality {
     Details,
     /// By faces: this share of the interior ones.
     Faces(f64),
+    /// By points with about this share of the fragments of a frame in full.
+    Points(f64),
 }
 
 impl Quality {
@@ -60,6 +64,11 @@ impl Quality {
                 FrameRequest { size_px: (side(width), side(height)), ..request }
             }
             Self::Faces(lod) => request.with_draw(TetDraw::Faces(FaceDetail { lod, ..faces })),
+            Self::Points(share) => request.with_tets(|tets| {
+                if let TetDraw::Points(style) = &mut tets.draw {
+                    *style = points::coarser(*style, share);
+                }
+            }),
         }
     }
 }
@@ -76,6 +85,8 @@ pub enum Family {
     Details,
     /// Interior faces.
     Faces,
+    /// Points.
+    Points,
 }
 
 impl Family {
@@ -88,7 +99,7 @@ impl Family {
 words!(
     Family,
     "there is no way to be faster",
-    ["rays" = Rays, "scaled" = Scaled, "details" = Details, "faces" = Faces]
+    ["rays" = Rays, "scaled" = Scaled, "details" = Details, "faces" = Faces, "points" = Points]
 );
 
 /// Requirements on a frame.
@@ -104,6 +115,8 @@ pub struct Wanted {
     pub has_details: bool,
     /// Share of faces in full quality, if the user draws faces.
     pub faces: Option<f64>,
+    /// Whether the frame is drawn as points, and can be with fewer ([`FrameRequest::may_leave_points_out`]).
+    pub has_points: bool,
     /// Whether all cells may be drawn in place of faces where that takes no longer.
     pub or_exact: bool,
 }
@@ -274,10 +287,16 @@ impl QualityControl {
         within.unwrap_or_else(|| self.cheapest(families))
     }
 
-    /// The finest rung within the limit, in the first family that has one.
+    /// The finest rung within the limit, in the first family that has one. The coarsest rungs before points are tried first: the guess
+    /// may be too high, and the error of points is much larger.
     fn finest_within(&self, limit_ms: f64, families: &[Family]) -> Option<usize> {
         let within = |family, at: &usize| is_within(self.costs.expected(family, *at), limit_ms);
-        families.iter().find_map(|&family| ladder(family).find(|at| within(family, at)))
+        let are_points_last = families.contains(&Family::Points);
+        let untried = |family| {
+            let is_tried = !are_points_last || family == Family::Points;
+            ladder(family).last().filter(|&last| !is_tried && self.costs.measured(last).is_none())
+        };
+        families.iter().find_map(|&family| ladder(family).find(|at| within(family, at)).or_else(|| untried(family)))
     }
 
     /// Where no rung is within the target: a rung near the cheapest one, after trying the coarsest ones.
@@ -321,15 +340,17 @@ fn is_within(ms: Option<f64>, limit: f64) -> bool {
 }
 
 impl Wanted {
-    /// The usable families, that of the least error first; at least one.
+    /// The usable families, that of the least error first; at least one. In place of a chosen one that is not usable there are those with
+    /// which nothing is chosen; faces and points are in place of each other.
     fn families(&self) -> Vec<Family> {
-        let rays = || self.has_rays.then_some(Family::Rays);
+        let all = [(self.has_rays, Family::Rays), (true, Family::Scaled), (self.has_points, Family::Points)];
         match (self.family, self.faces) {
             (Some(Family::Scaled), _) => vec![Family::Scaled],
-            (Some(Family::Faces), _) | (None, Some(_)) => vec![Family::Faces],
+            (Some(Family::Points | Family::Faces), _) if self.has_points => vec![Family::Points],
+            (Some(Family::Faces), _) | (None | Some(Family::Points), Some(_)) => vec![Family::Faces],
             (Some(Family::Rays), _) if self.has_rays => vec![Family::Rays],
             (Some(Family::Details), _) if self.has_details => vec![Family::Details],
-            (Some(Family::Rays | Family::Details) | None, _) => rays().into_iter().chain([Family::Scaled]).collect(),
+            _ => all.into_iter().filter_map(|(is_usable, family)| is_usable.then_some(family)).collect(),
         }
     }
 }

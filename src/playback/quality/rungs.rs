@@ -28,11 +28,16 @@ const fn faces(level: f64) -> Rung {
     Rung { quality: Quality::Faces(level), share: 0.05 + 0.95 * level }
 }
 
+/// A fiftieth of a frame does not depend on its points.
+const fn points(share: f64) -> Rung {
+    Rung { quality: Quality::Points(share), share: 0.02 + 0.98 * share }
+}
+
 /// Number of rungs of each family, without the exact one.
-const COUNTS: [usize; 4] = [12, 8, 1, 13];
+const COUNTS: [usize; 5] = [12, 8, 1, 13, 9];
 
 /// All rungs: the exact one, then those of each family.
-pub(super) const RUNGS: [Rung; 1 + COUNTS[0] + COUNTS[1] + COUNTS[2] + COUNTS[3]] = [
+pub(super) const RUNGS: [Rung; 1 + COUNTS[0] + COUNTS[1] + COUNTS[2] + COUNTS[3] + COUNTS[4]] = [
     Rung { quality: Quality::Exact, share: 1.0 },
     // Shares of all rays as measured on dense transfer functions (docs/sampling.md), below.
     rays(0.002, 0.9),
@@ -70,6 +75,16 @@ pub(super) const RUNGS: [Rung; 1 + COUNTS[0] + COUNTS[1] + COUNTS[2] + COUNTS[3]
     faces(0.035),
     faces(0.026),
     faces(0.02),
+    // As measured (docs/points.md, table 3.2). Of fewer there are too few cells to see anything: 0.0025 of all.
+    points(0.75),
+    points(0.5),
+    points(0.375),
+    points(0.25),
+    points(0.18),
+    points(0.13),
+    points(0.1),
+    points(0.07),
+    points(0.05),
 ];
 
 /// Index of the exact rung.
@@ -85,6 +100,7 @@ pub(super) fn ladder(family: Family) -> impl Iterator<Item = usize> + Clone {
         Family::Scaled => 1 + COUNTS[0],
         Family::Details => DETAILS,
         Family::Faces => DETAILS + 1,
+        Family::Points => DETAILS + 1 + COUNTS[3],
     };
     let has_exact = family != Family::Faces;
     has_exact.then_some(EXACT).into_iter().chain(first..first + COUNTS[family as usize])
@@ -101,7 +117,7 @@ pub(super) fn nearest(drawn: Quality) -> usize {
         Quality::Exact | Quality::Details => f64::INFINITY,
         Quality::Rays(contrast) => f64::from(contrast.get()).ln(),
         Quality::Scaled(share) => share.ln(),
-        Quality::Faces(level) => level.max(f64::MIN_POSITIVE).ln(),
+        Quality::Faces(share) | Quality::Points(share) => share.max(f64::MIN_POSITIVE).ln(),
     };
     let distance = |quality: Quality| match std::mem::discriminant(&quality) == std::mem::discriminant(&drawn) {
         true if quality == drawn => 0.0,
@@ -129,6 +145,8 @@ mod tests {
         }
         assert_eq!(RUNGS[nearest(Quality::Faces(0.4))].quality, Quality::Faces(0.375));
         assert_eq!(RUNGS[nearest(Quality::Faces(0.0))].quality, Quality::Faces(0.02));
+        assert_eq!(RUNGS[nearest(Quality::Points(1.0))].quality, Quality::Points(0.75));
+        assert_eq!(RUNGS[nearest(Quality::Points(0.0))].quality, Quality::Points(0.05));
         let all: usize = Family::ALL.into_iter().map(|family| ladder(family).filter(|&at| at != EXACT).count()).sum();
         assert_eq!(all + 1, RUNGS.len());
     }

@@ -2,13 +2,14 @@
 
 use super::*;
 
-/// Costs of frames on a machine: milliseconds in full, and shares of that by contrast, share of the sides, and share of the faces.
+/// Costs of frames on a machine: milliseconds in full, and shares of that by contrast, share of the sides, of the faces, and of the points.
 #[derive(Clone, Copy)]
 struct Machine {
     name: &'static str,
     rays: fn(f64) -> f64,
     scaled: fn(f64) -> f64,
     faces: fn(f64) -> f64,
+    points: fn(f64) -> f64,
     /// Relative noise of a frame, and of every 50th.
     noise: f64,
     hiccup: f64,
@@ -24,6 +25,7 @@ const MACHINES: [Machine; 6] = [
         rays: |c| 0.05 + 0.95 * (-60.0 * c).exp(),
         scaled: pixels,
         faces: |l| 0.1 + 1.5 * l,
+        points: |l| 0.02 + 0.98 * l,
         noise: 0.0,
         hiccup: 1.0,
     },
@@ -32,6 +34,7 @@ const MACHINES: [Machine; 6] = [
         rays: |c| 0.2 + 0.8 * (-40.0 * c).exp(),
         scaled: |s| 0.15 + 0.85 * s * s,
         faces: |l| 0.3 + 3.0 * l,
+        points: |l| 0.1 + 1.9 * l,
         noise: 0.0,
         hiccup: 1.0,
     },
@@ -40,6 +43,7 @@ const MACHINES: [Machine; 6] = [
         rays: |c| 1.2 - c,
         scaled: |s| 0.05 + 0.95 * s,
         faces: |l| 0.5 + l,
+        points: |l| 0.05 + 0.95 * l,
         noise: 0.0,
         hiccup: 1.0,
     },
@@ -48,6 +52,7 @@ const MACHINES: [Machine; 6] = [
         rays: |c| 0.5 + 0.5 * (-100.0 * c).exp(),
         scaled: |s| 0.4 + 0.6 * s * s,
         faces: |l| 0.6 + 0.5 * l,
+        points: |l| 0.3 + 0.7 * l,
         noise: 0.0,
         hiccup: 1.0,
     },
@@ -64,6 +69,7 @@ const MACHINES: [Machine; 6] = [
         },
         scaled: |s| if s > 0.45 { 0.8 * s + 0.2 } else { 0.1 * s + 0.02 },
         faces: |l| if l > 0.3 { 1.0 } else { 0.1 + 0.1 * l },
+        points: |l| if l > 0.3 { 1.0 } else { 0.1 + 0.1 * l },
         noise: 0.0,
         hiccup: 1.0,
     },
@@ -72,6 +78,7 @@ const MACHINES: [Machine; 6] = [
         rays: |c| 0.05 + 0.95 * (-60.0 * c).exp(),
         scaled: pixels,
         faces: |l| 0.1 + 1.5 * l,
+        points: |l| 0.02 + 0.98 * l,
         noise: 0.06,
         hiccup: 3.0,
     },
@@ -86,8 +93,14 @@ fn wanted() -> Wanted {
         has_rays: true,
         has_details: false,
         faces: None,
+        has_points: false,
         or_exact: false,
     }
+}
+
+/// Requirements on a frame that is drawn as points.
+fn of_points() -> Wanted {
+    Wanted { has_rays: false, has_points: true, ..wanted() }
 }
 
 impl Machine {
@@ -99,6 +112,7 @@ impl Machine {
             Quality::Scaled(share) => (self.scaled)(share),
             Quality::Details => 0.12,
             Quality::Faces(level) => (self.faces)(level),
+            Quality::Points(share) => (self.points)(share),
         };
         // A pseudorandom number between -1 and 1.
         let noise = ((frame as f64 * 12.9898).sin() * 43758.547).fract();
@@ -150,8 +164,10 @@ fn late_and_changed(drawn: &[(Quality, f64)], settled: usize) -> (usize, usize) 
 fn a_rate_that_can_be_held_is_held() {
     let (mut held, mut runs) = (0, 0);
     for machine in MACHINES {
-        for family in [None, Some(Family::Rays), Some(Family::Scaled), Some(Family::Faces)] {
-            let wanted = Wanted { family, ..wanted() };
+        let of_cells = [None, Some(Family::Rays), Some(Family::Scaled), Some(Family::Faces)]
+            .map(|family| Wanted { family, ..wanted() });
+        let of_points = [None, Some(Family::Points)].map(|family| Wanted { family, ..of_points() });
+        for wanted in of_cells.into_iter().chain(of_points) {
             for exact_ms in (0..40).map(|i| 8.0 * 1.17_f64.powi(i)) {
                 for (what, delay, settled) in [("at once", 0, 5), ("two frames later", 2, 9)] {
                     runs += 1;
@@ -160,7 +176,7 @@ fn a_rate_that_can_be_held_is_held() {
                     let (late, changed) = late_and_changed(&drawn, settled);
                     let says = || {
                         format!(
-                            "{}, {family:?}, {exact_ms:.0} ms, measured {what}: {late} late, {changed} changes, {:?}",
+                            "{}, {wanted:?}, {exact_ms:.0} ms, measured {what}: {late} late, {changed} changes, {:?}",
                             machine.name,
                             &drawn[..40]
                         )
@@ -271,6 +287,17 @@ fn what_is_given_up_is_what_may_be() {
         assert!(matches!(last(chosen), Quality::Faces(level) if level < 0.2), "{chosen:?}");
     }
     assert_eq!(last(Wanted { faces: Some(0.03), ..wanted() }), Quality::Faces(0.03), "never more than was chosen");
+    // Points are there only where they are drawn; faces that are chosen there, or points where faces are drawn, are the other.
+    let points = Some(Family::Points);
+    assert!(matches!(last(of_points()), Quality::Scaled(_)));
+    for family in [points, Some(Family::Faces)] {
+        let drawn = last(Wanted { family, ..of_points() });
+        assert!(matches!(drawn, Quality::Points(share) if share < 0.2), "{family:?} {drawn:?}");
+    }
+    assert!(matches!(last(Wanted { family: points, ..wanted() }), Quality::Rays(_)));
+    assert!(matches!(last(Wanted { family: points, has_rays: false, ..wanted() }), Quality::Scaled(_)));
+    let faces = Wanted { family: points, faces: Some(1.0), ..wanted() };
+    assert!(matches!(last(faces), Quality::Faces(level) if level < 0.2));
     // Rays that cannot be left out give way to smaller images, and come back where that has changed.
     let sparse = MACHINES[2];
     let mut control = QualityControl::default();
@@ -281,6 +308,27 @@ fn what_is_given_up_is_what_may_be() {
     assert!(matches!(drawn[299].0, Quality::Rays(_)), "{:?}", drawn[299]);
 }
 
+/// Where points are more than pixels a smaller image saves little.
+#[test]
+fn fewer_points_are_drawn_where_no_smaller_image_is_within_the_time() {
+    let dense = Machine { scaled: |s| 0.6 + 0.4 * s * s, ..MACHINES[0] };
+    let mut control = QualityControl::default();
+    for (exact_ms, is_scaled) in [(50.0, true), (100.0, false), (500.0, false), (50.0, true)] {
+        let drawn = dense.play(&mut control, &of_points(), exact_ms, |_| 1.0, 0, 300);
+        let settled = &drawn[20..];
+        assert!(settled.iter().all(|(_, ms)| *ms <= TARGET_MS), "{exact_ms}: {settled:?}");
+        let is_as_expected = |quality: Quality| match quality {
+            Quality::Scaled(_) => is_scaled,
+            Quality::Points(_) => !is_scaled,
+            _ => false,
+        };
+        assert!(settled.iter().all(|(quality, _)| is_as_expected(*quality)), "{exact_ms}: {settled:?}");
+    }
+    // Fragments cost more than points.
+    let drawn = MACHINES[0].play(&mut QualityControl::default(), &of_points(), 400.0, |_| 1.0, 0, 100);
+    assert!(drawn[20..].iter().all(|(quality, _)| matches!(quality, Quality::Scaled(_))), "{drawn:?}");
+}
+
 #[test]
 fn at_rest_all_is_drawn_or_the_faces_that_were_chosen() {
     let at_rest = Wanted { target_ms: None, ..wanted() };
@@ -289,6 +337,7 @@ fn at_rest_all_is_drawn_or_the_faces_that_were_chosen() {
     for target_ms in [0.0, -1.0, f64::NAN] {
         assert_eq!(control.choose(&Wanted { target_ms: Some(target_ms), ..at_rest }), Quality::Exact);
     }
+    assert_eq!(control.choose(&Wanted { target_ms: None, ..of_points() }), Quality::Exact);
     let faces = Wanted { faces: Some(0.8), or_exact: true, ..at_rest };
     assert_eq!(control.choose(&faces), Quality::Faces(0.8));
     control.measured(Quality::Exact, 100.0);

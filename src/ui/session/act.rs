@@ -141,6 +141,11 @@ impl Session {
             Action::Background(color) => self.background = color,
             Action::Backend(backend) => self.look.backend = backend,
             Action::Renderer(mode) => self.look.mode = mode,
+            Action::Points(style) => {
+                if style.check().is_ok() {
+                    self.look.points = style;
+                }
+            }
             Action::Optics(optics) => {
                 self.look.optics = optics;
                 self.leave(|followed| followed.optics = false);

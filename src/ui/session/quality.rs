@@ -3,10 +3,11 @@
 use super::{Session, Shown};
 use crate::image::RgbaImage;
 use crate::optics::OpticsKind;
-use crate::pipeline::{FrameRequest, RenderMode};
+use crate::pipeline::{FaceDetail, FrameRequest, FrameTime, RenderMode, TetDraw};
 use crate::playback::State;
 use crate::playback::quality::Quality;
 use crate::render::Contrast;
+use crate::render::points::PointStyle;
 use crate::short::Short;
 use crate::ui::motion::MotionError;
 use std::time::Duration;
@@ -40,6 +41,11 @@ const PREVIEWED_MS: f64 = 100.0;
 /// Largest contrast of a preview relative to that on the screen.
 const BETTER: f32 = 0.5;
 
+/// A share in percent, as a text of one decimal.
+fn percent(share: f64) -> Short<f64> {
+    Short((1e3 * share).round() / 10.0)
+}
+
 impl Session {
     /// The quality of a request: its share of width and height, contrast or level.
     pub(super) fn quality_of(&self, request: &FrameRequest) -> Quality {
@@ -49,6 +55,11 @@ impl Session {
         if let Some(faces) = request.tets().and_then(|tets| tets.draw.drawn_by().faces()) {
             return Quality::Faces(faces.lod);
         }
+        let points = request.tets().and_then(|tets| tets.draw.drawn_by().points());
+        let points = points.map(|drawn| Quality::of_points(drawn, self.points_at_rest(request.time)));
+        if let Some(points @ Quality::Points(_)) = points {
+            return points;
+        }
         let contrast = request.samples.contrast().filter(|contrast| contrast.get() > 0.0);
         let share = self.size_px().map_or(1.0, |full| request.size_px.1 as f64 / full.1 as f64);
         match contrast {
@@ -57,6 +68,14 @@ impl Session {
             None if share < 0.92 => Quality::Scaled(share),
             None => Quality::Exact,
         }
+    }
+
+    /// How points are drawn at rest, at a time whose settings are known.
+    fn points_at_rest(&self, time: FrameTime) -> PointStyle {
+        let keyed = self.requests.worker.known(time).map(|keyed| self.look.lod_at(keyed));
+        let lod = keyed.or(self.drawing.map(|drawing| drawing.lod)).unwrap_or(self.look.faces.lod);
+        let draw = TetDraw::chosen(RenderMode::Points, FaceDetail { lod, ..self.look.faces }, self.look.points);
+        draw.drawn_by().points().unwrap_or_default()
     }
 
     /// Target milliseconds per frame: while something moves and no picture in full is awaited.
@@ -90,8 +109,9 @@ impl Session {
             Quality::Scaled(share) => Some(format!("smaller image: {:.0} %", 100.0 * share)),
             Quality::Details => Some("few rays, with details of earlier steps".to_owned()),
             Quality::Faces(level) if shown.at_rest != shown.quality => {
-                Some(format!("fewer faces: {} %", Short(100.0 * level)))
+                Some(format!("fewer faces: {} %", percent(level)))
             }
+            Quality::Points(_) => Some(format!("fewer points: {} %", percent(shown.request.lod()))),
             Quality::Faces(_) | Quality::Exact => None,
         }
     }
@@ -99,19 +119,22 @@ impl Session {
     /// How much the picture on the screen has, as a short text: `exact` if all is drawn, with exact optics.
     pub fn drawn(&self) -> String {
         let Some(shown) = &self.shown else { return "nothing yet".to_owned() };
+        let tets = shown.request.tets();
+        let points = tets.and_then(|tets| tets.draw.drawn_by().points());
         match shown.quality {
             Quality::Rays(contrast) => format!("rays: contrast {contrast}"),
             Quality::Scaled(share) => format!("pixels: {:.0} %", 100.0 * share),
             Quality::Details => "details".to_owned(),
-            Quality::Faces(level) if level < 1.0 => format!("faces: {} %", Short((1e3 * level).round() / 10.0)),
-            Quality::Faces(_) | Quality::Exact => {
-                let optics =
-                    shown.request.tets().map(|tets| tets.optics).filter(|_| self.look.mode != RenderMode::Reference);
-                let points = shown.request.tets().and_then(|tets| tets.draw.drawn_by().points());
-                let are_cells = points.is_none_or(|style| style.is_exact());
-                let is_exact = are_cells && optics.is_none_or(|optics| optics == OpticsKind::Exact);
-                if is_exact { "exact" } else { "all drawn" }.to_owned()
-            }
+            Quality::Faces(level) if level < 1.0 => format!("faces: {} %", percent(level)),
+            Quality::Faces(_) | Quality::Points(_) | Quality::Exact => match points {
+                Some(style) if style.lod < 1.0 => format!("points: {} %", percent(style.lod)),
+                _ => {
+                    let optics = tets.map(|tets| tets.optics).filter(|_| self.look.mode != RenderMode::Reference);
+                    let are_cells = points.is_none_or(|style| style.is_exact());
+                    let is_exact = are_cells && optics.is_none_or(|optics| optics == OpticsKind::Exact);
+                    if is_exact { "exact" } else { "all drawn" }.to_owned()
+                }
+            },
         }
     }
 

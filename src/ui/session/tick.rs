@@ -129,7 +129,7 @@ impl Session {
                     self.quality.measured_details(rmse);
                 }
             }
-            Quality::Rays(_) | Quality::Scaled(_) | Quality::Faces(_) => {}
+            Quality::Rays(_) | Quality::Scaled(_) | Quality::Faces(_) | Quality::Points(_) => {}
         }
     }
 

@@ -1,4 +1,4 @@
-//! The quality of the picture: how much is left out while something moves, and which faces are drawn at rest.
+//! The quality of the picture: how much is left out while something moves, and which faces or points are drawn at rest.
 
 use super::widgets::{labelled, number, staying_menu};
 use crate::lod::Partition;
@@ -15,15 +15,16 @@ const BOX: f32 = 72.0;
 const TEXT: f32 = 128.0;
 
 /// What is left out while something moves: on the button of the menu, and in it.
-const FAMILIES: [(Option<Family>, &str, &str); 5] = [
+const FAMILIES: [(Option<Family>, &str, &str); 6] = [
     (None, "auto", "what costs least"),
     (Some(Family::Rays), "rays", "rays"),
     (Some(Family::Scaled), "pixels", "pixels of the image"),
     (Some(Family::Details), "details", "rays, with details of earlier steps"),
     (Some(Family::Faces), "faces", "faces"),
+    (Some(Family::Points), "points", "points"),
 ];
 
-/// Orders of faces; the last three have a number of intervals.
+/// Orders of faces; the last three have a number of intervals. Of points there are those by chance and by changes over time.
 const SAMPLINGS: [(Sampling, &str); 7] = [
     (Sampling::Error, "first where omitted ones show"),
     (Sampling::Random, "at random"),
@@ -50,7 +51,7 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
             }
         }
         ui.separator();
-        faces(ui, session, actions);
+        levels(ui, session, actions);
     });
     let name = "What is left out for speed";
     menu.widget_info(|| WidgetInfo::labeled(Role::Button, true, name));
@@ -83,25 +84,33 @@ fn rate(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     }
 }
 
-/// Which faces are drawn at rest.
-fn faces(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
+/// Which faces or points are drawn at rest.
+fn levels(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     let look = session.look();
-    let has_levels = matches!(look.mode, RenderMode::Auto | RenderMode::Havs);
+    let mode = look.mode.on(session.series().mesh());
+    let are_points = mode == RenderMode::Points;
+    let has_levels = are_points || matches!(mode, RenderMode::Auto | RenderMode::Havs);
     let before = if has_levels { 100.0 * look.faces.lod } else { 100.0 };
     let mut percent = before;
     ui.horizontal(|ui| {
-        ui.label("Faces at rest:");
+        ui.label(if are_points { "Points at rest:" } else { "Faces at rest:" });
         let value = DragValue::new(&mut percent).range(0.0..=100.0).speed(0.5).max_decimals(1).suffix(" %");
         labelled(ui.add_enabled(has_levels, value), "Level of detail")
-            .on_hover_text("The share of the faces inside the volume that is drawn at most")
+            .on_hover_text(match are_points {
+                true => "The share of what rays meet that is drawn: fewer points, larger ones",
+                false => "The share of the faces inside the volume that is drawn at most",
+            })
             .on_disabled_hover_text("This renderer always draws all cells");
     });
     if percent != before {
         actions.push(Action::LevelOfDetail(percent / 100.0));
     }
-    let sampling = look.faces.sampling;
+    let sampling = match look.faces.sampling {
+        sampling if are_points && !is_of_points(sampling) => Sampling::Random,
+        sampling => sampling,
+    };
     ui.add_enabled_ui(has_levels, |ui| {
-        for (kind, text) in SAMPLINGS {
+        for (kind, text) in SAMPLINGS.into_iter().filter(|(kind, _)| !are_points || is_of_points(*kind)) {
             let is_chosen = is_alike(kind, sampling);
             if ui.selectable_label(is_chosen, text).clicked() && !is_chosen {
                 actions.push(Action::Sampling(kind));
@@ -116,6 +125,11 @@ fn faces(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
             }
         }
     });
+}
+
+/// Whether points have an order of their own by this one of faces.
+fn is_of_points(sampling: Sampling) -> bool {
+    sampling == Sampling::Random || sampling.importance().is_some()
 }
 
 /// Whether two orders differ in numbers at most.
@@ -135,7 +149,7 @@ mod tests {
     #[test]
     fn every_family_and_every_order_can_be_chosen() {
         let families: Vec<_> = FAMILIES.iter().filter_map(|(family, ..)| *family).collect();
-        assert_eq!(families, [Family::Rays, Family::Scaled, Family::Details, Family::Faces]);
+        assert_eq!(families, Family::ALL);
         for text in ["error", "random", "global", "plain", "regular:9", "logarithmic:9", "greedy:9"] {
             let sampling: Sampling = text.parse().unwrap();
             assert_eq!(SAMPLINGS.iter().filter(|(kind, _)| is_alike(*kind, sampling)).count(), 1, "{text}");

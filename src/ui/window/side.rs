@@ -14,6 +14,7 @@ use super::{point, statistics, surfaces};
 use crate::camera::{Axis, Projection};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode};
+use crate::render::points::{Compositing, Footprint, PointStyle};
 use crate::transfer::{ColorMap, MappedRange, RangePolicy, Space};
 use crate::ui::settings::{RecentFile, Settings};
 use crate::ui::views::Views;
@@ -179,6 +180,16 @@ pub(super) const OPTICS: [(OpticsKind, &str); 3] = [
     (OpticsKind::Partial, "partial pre-integration"),
     (OpticsKind::Table3d, "pre-integrated table"),
 ];
+
+const FOOTPRINTS: [(Footprint, &str); 4] = [
+    (Footprint::Exact, "the cell's own shape"),
+    (Footprint::Ellipse, "ellipses"),
+    (Footprint::Circle, "circles"),
+    (Footprint::Square, "squares"),
+];
+
+const COMPOSITING: [(Compositing, &str); 2] =
+    [(Compositing::Own, "each cell by itself"), (Compositing::Gap, "gaps between points")];
 
 fn colors(ui: &mut Ui, session: &Session, menu: &mut FunctionMenu, actions: &mut Vec<Action>) {
     match session.function() {
@@ -354,5 +365,28 @@ fn picture(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
         (RenderMode::Reference, "reference (float64, slow)"),
     ];
     actions.extend(chosen(ui, "Renderer", session.look().mode, &modes).map(Action::Renderer));
+    if session.look().mode == RenderMode::Points {
+        points(ui, session.look().points, actions);
+    }
     actions.extend(chosen(ui, "Optics", session.look().optics, &OPTICS).map(Action::Optics));
+}
+
+/// How cells are drawn as points.
+fn points(ui: &mut Ui, before: PointStyle, actions: &mut Vec<Action>) {
+    let mut style = before;
+    style.footprint = chosen(ui, "Footprint", style.footprint, &FOOTPRINTS).unwrap_or(style.footprint);
+    style.compositing = chosen(ui, "Compositing", style.compositing, &COMPOSITING).unwrap_or(style.compositing);
+    ui.horizontal(|ui| {
+        let is_scaled = style.footprint != Footprint::Exact;
+        let value = DragValue::new(&mut style.radius).range(0.01..=PointStyle::MOST_RADIUS).speed(0.01).max_decimals(2);
+        ui.add_enabled_ui(is_scaled, |ui| {
+            number(ui, value.prefix("x "), "Radius of points: scale of all footprints but the cell's own shape");
+            ui.label("radius");
+        });
+    });
+    ui.checkbox(&mut style.exact_order, "exact order")
+        .on_hover_text("Sorts what a ray meets; else it is in the order of the cells' centres");
+    if style != before {
+        actions.push(Action::Points(style));
+    }
 }

@@ -1,5 +1,6 @@
 //! The points of a job in its view: vertices in view coordinates, and cells in tiles.
 
+use super::super::raster::boxes::{ScreenPoint, project};
 use super::super::raster::lists::{Bins, SeenItem};
 use super::super::ray::{self, ViewVertex};
 use super::super::tiles::TileGrid;
@@ -17,6 +18,8 @@ use std::time::Instant;
 #[derive(Debug, Default)]
 pub(in crate::render::cpu) struct PointsInView {
     vertices: Vec<ViewVertex>,
+    /// Image positions of the vertices, if points are whole cells.
+    screen: Vec<ScreenPoint>,
     pub(super) bins: Bins<u32>,
     cells: Vec<u32>,
     /// Points without a pixel.
@@ -50,17 +53,20 @@ impl PointPlacer {
         let _span = tracing::info_span!("place").entered();
         let started = Instant::now();
         let placed = self.pool.make(|placed| {
-            let PointsInView { vertices, bins, cells, culled, enlarged } = placed;
+            let PointsInView { vertices, screen, bins, cells, culled, enlarged } = placed;
             ray::transform(view, &job.mesh.positions.local, &job.scalars, None, &job.cancel, vertices);
             cells.clone_from(&points.cells.ids);
             let source = ShapeSource::new(vertices, job, view, points.style);
+            if source.are_cells() {
+                project(view, vertices, None, &job.cancel, screen);
+            }
             let grid = TileGrid::of(view);
             let [all_culled, all_enlarged] = [const { AtomicU64::new(0) }; 2];
             bins.fill(grid, cells, |lists, seen, _, cells| {
                 let count = if job.cancel.is_cancelled() { 0 } else { cells.len() };
                 let mut enlarged = 0;
                 let items = cells[..count].iter().filter_map(|&cell| {
-                    let (bounds, nearest, is_enlarged) = source.place(cell)?;
+                    let (bounds, nearest, is_enlarged) = source.place(cell, screen)?;
                     enlarged += u64::from(is_enlarged);
                     Some(SeenItem { item: cell, bounds, nearest: nearest as f32 })
                 });

@@ -1,20 +1,17 @@
-use super::super::raster::TileRays;
-use super::super::raster::boxes::Bounds;
-use super::super::ray::{Ray, ViewVertex, crossing, transform};
-use super::super::raycast::entries::face_of;
+use super::super::ray::transform;
 use super::shape::{Shape, ShapeSource};
 use super::*;
 use crate::camera::{Camera, PixelSet, Projection, Samples};
-use crate::lod::Ranking;
-use crate::mesh::test_meshes::{Random, jittered, kuhn_grid, kuhn_grid_of, shuffled};
+use crate::mesh::test_meshes::{Random, jittered, kuhn_grid, kuhn_grid_of, torn};
 use crate::mesh::{Mesh, RawMesh};
 use crate::node_table::{Node, NodeTable};
+use crate::render::Renderer;
 use crate::render::cpu::raycast::Raycast;
 use crate::render::points::{Footprint, PointStyle};
 use crate::render::reference::Reference;
-use crate::render::{Renderer, testing};
+use crate::render::testing::{self, BOUNDS, difference, is_within, with_points, with_sample, with_selection};
 use crate::task::Cancel;
-use crate::visibility::{CellSet, DepthOrder, Drawn, Elements, Selection};
+use crate::visibility::{CellSet, Drawn, Selection};
 use glam::DVec3;
 
 type Pixels = Vec<[f32; 4]>;
@@ -22,15 +19,13 @@ type Pixels = Vec<[f32; 4]>;
 const EXACT: PointStyle = PointStyle::EXACT;
 const GAP: PointStyle = PointStyle { compositing: Compositing::Gap, ..EXACT };
 const ELLIPSE: PointStyle = PointStyle { footprint: Footprint::Ellipse, ..EXACT };
-/// The bounds of all accurate renderers against each other and the reference: root mean square, and greatest difference.
-const BOUNDS: [f64; 2] = [1e-5, 1e-3];
 
-fn built(raw: RawMesh) -> Arc<Mesh> {
+pub(super) fn built(raw: RawMesh) -> Arc<Mesh> {
     Arc::new(Mesh::build(raw).unwrap().0)
 }
 
 /// A smooth field in [0, 1] of a vertex's place in the box.
-fn field(mesh: &Mesh) -> Vec<f32> {
+pub(super) fn field(mesh: &Mesh) -> Vec<f32> {
     let (lo, hi) = mesh.positions.world_bounds();
     let at = |v: usize| (mesh.positions.world(v) - lo) / (hi - lo);
     let value = |p: DVec3| 0.5 + 0.3 * (5.0 * p.x + p.z).sin() * (4.0 * p.y).cos() + 0.2 * (7.0 * p.z).sin();
@@ -42,21 +37,21 @@ fn nodes(nodes: &[(f64, f64, f64)]) -> Arc<NodeTable> {
     Arc::new(NodeTable::new(nodes.iter().map(node).collect()).unwrap())
 }
 
-fn dense() -> Arc<NodeTable> {
+pub(super) fn dense() -> Arc<NodeTable> {
     nodes(&[(0.0, 0.0, 0.5), (0.4, 0.2, 2.0), (0.4, 0.9, 0.3), (1.0, 1.0, 3.0)])
 }
 
-fn tents() -> Arc<NodeTable> {
+pub(super) fn tents() -> Arc<NodeTable> {
     let tent = |at: f64, red: f64| [(at - 0.05, red, 0.0), (at, red, 8.0), (at + 0.05, red, 0.0)];
     nodes(&[tent(0.2, 0.1), tent(0.5, 0.5), tent(0.8, 0.9)].concat())
 }
 
-fn constant(tau: f64) -> Arc<NodeTable> {
+pub(super) fn constant(tau: f64) -> Arc<NodeTable> {
     nodes(&[(0.5, 0.5, tau)])
 }
 
 /// Cameras outside, inside of a cell, close with a near plane, and with parallel rays along the edges of a grid of unit cubes.
-fn cameras(mesh: &Mesh) -> [Camera; 4] {
+pub(super) fn cameras(mesh: &Mesh) -> [Camera; 4] {
     let outside = Camera::default_for(mesh.positions.world_bounds()).unwrap();
     let (lo, hi) = mesh.positions.world_bounds();
     let inside = Camera { position: lo + 0.37 * (hi - lo), focal_point: hi, ..outside };
@@ -70,34 +65,8 @@ fn cameras(mesh: &Mesh) -> [Camera; 4] {
     [outside, inside, near, parallel]
 }
 
-fn job_of(mesh: &Arc<Mesh>, camera: &Camera, size: usize, table: Arc<NodeTable>) -> RenderJob {
+pub(super) fn job_of(mesh: &Arc<Mesh>, camera: &Camera, size: usize, table: Arc<NodeTable>) -> RenderJob {
     testing::job(mesh, field(mesh), camera, (size, size), table)
-}
-
-/// The job with all of its active cells as points, in depth order if theirs is not exact.
-fn with_points(job: &RenderJob, style: PointStyle) -> RenderJob {
-    let selection = Arc::new(Selection { ids: (*job.active).clone(), is_complete: true });
-    with_selection(job, style, selection)
-}
-
-fn with_selection(job: &RenderJob, style: PointStyle, selection: Arc<Selection>) -> RenderJob {
-    let cells = if style.exact_order {
-        let mut drawn = Drawn::default();
-        drawn.list(&selection, &mut Vec::new());
-        Arc::new(drawn)
-    } else {
-        DepthOrder::of(Elements::Cells).order(&job.mesh, job.view.forward, &selection, &Cancel::new()).unwrap()
-    };
-    RenderJob { points: Some(PointScene { cells, style }), ..job.clone() }
-}
-
-/// The job with a sample of its cells for the level of detail of a style.
-fn with_sample(job: &RenderJob, style: PointStyle, seed: u32) -> RenderJob {
-    let cells = job.active.universe();
-    let ranking = Ranking::of_cells(cells, seed);
-    let mut ids = CellSet::none(cells);
-    ranking.ids()[..style.points(cells)].iter().for_each(|&cell| ids.set(cell, true));
-    with_selection(job, style, Arc::new(Selection { ids, is_complete: false }))
 }
 
 fn frame(job: &RenderJob) -> Frame {
@@ -114,18 +83,6 @@ fn walked(job: &RenderJob) -> Pixels {
 
 fn judged(job: &RenderJob) -> Pixels {
     Reference::new().render(job.clone()).unwrap().planes.color.pixels.clone()
-}
-
-/// Root mean square and greatest difference.
-fn difference(a: &Pixels, b: &Pixels) -> [f64; 2] {
-    assert_eq!(a.len(), b.len());
-    let all = a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs());
-    let (sum, most) = all.fold((0.0, 0.0f64), |(sum, most), d| (sum + d * d, most.max(d)));
-    [(sum / (4 * a.len()) as f64).sqrt(), most]
-}
-
-fn is_within([rmse, most]: [f64; 2]) -> bool {
-    rmse <= BOUNDS[0] && most <= BOUNDS[1]
 }
 
 fn mean_depth(pixels: &Pixels) -> f64 {
@@ -163,59 +120,6 @@ fn exact_points_are_the_walk_and_the_reference_from_everywhere_and_along_edges()
     assert!(!is_within(difference(&drawn(&off, EXACT), &reference)));
 }
 
-/// The faces of a cell that a ray enters through and leaves through, by the definition that the cell walk has.
-fn by_faces(mesh: &Mesh, vertices: &[ViewVertex], ray: &Ray, cell: u32) -> Option<[f64; 2]> {
-    let crossed = |turned: bool| {
-        let faces = (0..4).map(|i| face_of(&mesh.topology, cell, i).vertices);
-        let ids = faces.map(|[a, b, c]| if turned { [a, c, b] } else { [a, b, c] });
-        ids.filter_map(|ids| crossing(ray, vertices, ids)).map(|found| found.point.depth).collect::<Vec<_>>()
-    };
-    match (&crossed(false)[..], &crossed(true)[..]) {
-        ([entry], [exit]) => Some([*entry, *exit]),
-        ([], []) => None,
-        (entries, exits) => panic!("{} entries and {} exits", entries.len(), exits.len()),
-    }
-}
-
-#[test]
-fn a_ray_hits_a_cell_exactly_if_it_hits_its_faces_also_through_edges_and_vertices() {
-    let aligned = built(kuhn_grid([4; 3]));
-    let jittered = built(jittered(kuhn_grid([3; 3]), &mut Random::new(9)));
-    let (mut hits, mut careful) = (0, 0);
-    for mesh in [&aligned, &jittered] {
-        for camera in cameras(mesh) {
-            // Rays of every eighth or so pixel of the parallel view go through vertices, those of its diagonal along faces.
-            let job = job_of(mesh, &camera, 34, dense());
-            let view = job.local_view();
-            let mut vertices = Vec::new();
-            transform(&view, &mesh.positions.local, &job.scalars, None, &Cancel::new(), &mut vertices);
-            let bounds = Bounds { x0: 0, x1: 16, y0: 0, y1: 16 };
-            let rays = TileRays::new(&view, bounds);
-            for cell in 0..mesh.topology.tets.len() as u32 {
-                let source = ShapeSource::new(&vertices, &job, &view, EXACT);
-                let Some(Shape::Tet(tet, _)) = source.point(cell).map(|point| point.shape) else { panic!("a tet") };
-                let mut found = [None; 256];
-                tet.in_tile(&view, &rays).hits((&view, &rays), bounds, &rays.rendered, |pixel, ends| {
-                    found[pixel] = Some(ends.map(|end| end.depth));
-                });
-                for (pixel, found) in found.iter().enumerate() {
-                    let ray = rays.ray(&view, pixel);
-                    let expected = by_faces(mesh, &vertices, &ray, cell);
-                    assert_eq!(found.is_some(), expected.is_some(), "cell {cell}, pixel {pixel}");
-                    hits += u32::from(found.is_some());
-                    let corners = tet.corners.map(|v| ray.shear(&v));
-                    careful += u32::from(corners.iter().any(|v| v.x == 0.0 && v.y == 0.0));
-                    for (a, b) in found.iter().flatten().zip(expected.iter().flatten()) {
-                        // Edge functions are right to 2^-21 of themselves where they are least accurate.
-                        assert!((a - b).abs() < 1e-6, "{a} {b}");
-                    }
-                }
-            }
-        }
-    }
-    assert!(hits > 10_000 && careful > 0, "{hits} {careful}");
-}
-
 #[test]
 fn no_ray_through_edges_and_vertices_misses_a_cell_or_meets_one_twice() {
     let mesh = built(kuhn_grid([4; 3]));
@@ -225,19 +129,6 @@ fn no_ray_through_edges_and_vertices_misses_a_cell_or_meets_one_twice() {
     let expected = 1.0 - (-0.3f64 * 4.0).exp();
     let (lowest, highest) = points.iter().fold((1.0f32, 0.0f32), |(lo, hi), p| (lo.min(p[3]), hi.max(p[3])));
     assert!(points.iter().all(|p| (f64::from(p[3]) - expected).abs() < 1e-5), "{lowest} {highest} {expected}");
-}
-
-/// Every cell with vertices of its own, in random order, its corners turned.
-fn torn(raw: &RawMesh, random: &mut Random) -> RawMesh {
-    let mut points = Vec::new();
-    let mut tets = Vec::new();
-    for tet in &raw.cells.tets {
-        let first = points.len() as u32;
-        points.extend(tet.map(|v| raw.points[v as usize]));
-        let turned = [[0, 1, 2, 3], [1, 2, 0, 3], [1, 0, 3, 2], [3, 2, 1, 0]][random.below(4)];
-        tets.push(turned.map(|i| first + i));
-    }
-    shuffled(&RawMesh { points, cells: tets.into() }, random).0
 }
 
 #[test]
@@ -381,6 +272,8 @@ fn sampled_pixels_slices_threads_and_passes_give_the_bits_of_the_whole_image() {
     for style in [EXACT, GAP, ELLIPSE, PointStyle { exact_order: false, ..ELLIPSE }] {
         let job = with_points(&job_of(&mesh, &cameras(&mesh)[1], size, dense()), style);
         let whole = frame(&job).planes.color.pixels;
+        let portable = Points::portable().render(job.clone()).unwrap().clone();
+        assert_eq!(portable.planes.color.pixels, whole, "{style:?}");
         let listed: Vec<u32> = (0..90).map(|i| i * 17 % (size * size) as u32).collect();
         let set = PixelSet::new((size, size), &listed).unwrap();
         let mut some = job.clone();
@@ -477,6 +370,89 @@ fn degenerate_cells_give_no_light_that_is_not_a_number() {
     assert!(found.planes.color.pixels.iter().all(|p| *p == [0.0; 4]));
     let none = Arc::new(Selection { ids: CellSet::none(job.active.universe()), is_complete: false });
     assert_eq!(frame(&with_selection(&job, EXACT, none)).stats.fragments, 0);
+}
+
+#[test]
+fn a_cell_that_covers_the_image_is_in_every_pixel() {
+    let corners = [[0.0, 0.0, 3e3], [-3e3, -3e3, -1e3], [3e3, -3e3, -1e3], [0.0, 4e3, -1e3]];
+    let points = corners.map(DVec3::from_array).to_vec();
+    let mesh = built(RawMesh { points, cells: vec![[0, 1, 2, 3]].into() });
+    // Before its base, and in it.
+    for z in [-2e3, 500.0] {
+        let position = DVec3::new(0.0, 0.0, z);
+        let camera = Camera { position, focal_point: position + DVec3::Z, ..cameras(&mesh)[0] };
+        let job = job_of(&mesh, &camera, 33, nodes(&[(0.0, 0.0, 1e-4), (1.0, 1.0, 5e-4)]));
+        for footprint in Footprint::ALL {
+            for lod in [1.0, 0.9] {
+                let found = frame(&with_points(&job, PointStyle { footprint, lod, ..EXACT }));
+                // A square around the eye has no place on the image plane.
+                assert!(
+                    found.stats.fragments == 33 * 33 || (footprint == Footprint::Square && z > 0.0),
+                    "{footprint}, {z}"
+                );
+                let pixels = &found.planes.color.pixels;
+                assert!(pixels.iter().flatten().all(|c| c.is_finite()), "{footprint}, {z}");
+                // The eye in it may have the slab of another shape, thinner than its chord, behind it.
+                let has_light = pixels.iter().all(|p| p[3] > 0.01);
+                assert!(has_light || (footprint != Footprint::Exact && z > 0.0), "{footprint}, {z}");
+            }
+            // One point has no gap.
+            assert!(drawn(&job, PointStyle { footprint, ..GAP }).iter().all(|p| *p == [0.0; 4]));
+        }
+        assert!(is_within(difference(&drawn(&job, EXACT), &judged(&job))), "{z}");
+    }
+}
+
+#[test]
+fn what_a_ray_meets_behind_the_eye_is_no_fragment() {
+    let mesh = built(jittered(kuhn_grid([3; 3]), &mut Random::new(12)));
+    let job = job_of(&mesh, &cameras(&mesh)[1], 24, dense());
+    let (view, mut vertices) = (job.local_view(), Vec::new());
+    transform(&view, &mesh.positions.local, &job.scalars, None, &Cancel::new(), &mut vertices);
+    let source = ShapeSource::new(&vertices, &job, &view, ELLIPSE);
+    let (mut before, mut behind) = (0, 0);
+    for point in (0..mesh.topology.tets.len() as u32).filter_map(|cell| source.point(cell)) {
+        let Shape::Round(of) = &point.shape else { panic!("an ellipsoid") };
+        for at in (0..24).flat_map(|row| (0..24).map(move |column| (column, row))).map(|(i, j)| view.ray(i, j)) {
+            let chord = of.chord(view.perspective, at);
+            let is_seen = chord.is_some_and(|chord| chord.middle + chord.half_depth(of.det()) > 0.0);
+            assert_eq!(point.slab(&source, at).is_some(), is_seen, "cell {}", point.cell);
+            (before, behind) = (before + usize::from(is_seen), behind + usize::from(chord.is_some() && !is_seen));
+        }
+    }
+    assert!(before > 1000 && behind > 1000, "{before} {behind}");
+}
+
+#[test]
+fn gaps_have_the_values_of_cells_where_cells_have_the_scalars() {
+    let mesh = built(jittered(kuhn_grid([4; 3]), &mut Random::new(11)));
+    let job = testing::of_cells(&job_of(&mesh, &cameras(&mesh)[0], 24, dense()));
+    let of = |rows: f32| drawn(&testing::with_rows(&job, |_| rows), GAP);
+    assert_ne!(of(-1.0), of(1.0), "the lowest row, and the highest");
+}
+
+#[test]
+fn cells_of_one_scalar_are_those_whose_scalars_are_the_means() {
+    let mesh = built(jittered(kuhn_grid([5; 3]), &mut Random::new(12)));
+    // Means of four are exact in f32.
+    let scalars: Vec<f32> = field(&mesh).iter().map(|s| (s * 64.0).round() / 64.0).collect();
+    let mean = |tet: &[u32; 4]| tet.iter().map(|&v| scalars[v as usize]).sum::<f32>() / 4.0;
+    let means: Vec<f32> = mesh.topology.tets.iter().map(mean).collect();
+    let job = testing::job(&mesh, scalars, &cameras(&mesh)[0], (33, 33), dense());
+    let of_cells = RenderJob { scalars: Scalars::Cells(Arc::new(means)), ..job.clone() };
+    for style in [EXACT, ELLIPSE, PointStyle { lod: 0.5, ..EXACT }, PointStyle { exact_order: false, ..EXACT }] {
+        let constant = drawn(&job, PointStyle { constant_scalar: true, ..style });
+        assert!(is_within(difference(&constant, &drawn(&of_cells, style))), "{style:?}");
+        assert!(!is_within(difference(&drawn(&job, style), &constant)), "{style:?}: it makes a difference");
+    }
+    for style in [GAP, PointStyle { footprint: Footprint::Circle, ..EXACT }] {
+        let [a, b] = [false, true].map(|constant_scalar| drawn(&job, PointStyle { constant_scalar, ..style }));
+        assert_eq!(a, b, "{style:?} have one anyhow");
+    }
+    // So has the other quantity of a joint table.
+    let job = testing::with_rows(&job, |v| (v % 2) as f32);
+    let of = |constant_scalar| drawn(&job, PointStyle { constant_scalar, ..EXACT });
+    assert_ne!(of(true), of(false));
 }
 
 #[test]

@@ -5,27 +5,30 @@ use super::super::super::medium::{Medium, RayPoint, Segment};
 use super::super::light::RayLight;
 use super::super::raster::TileRays;
 use super::super::raster::boxes::Bounds;
+use super::super::raster::lanes::Lanes;
 use super::super::raster::lists::Bins;
 use super::super::ray::Ray;
 use super::super::tiles::{PixelRect, TILE_PX, TileBits, TilePixel};
 use super::super::values::ValuesOnRay;
-use super::fragment::{Fragment, Fragments, Order};
-use super::shape::{Point, Shape, ShapeSource};
+use super::cover::CoverScratch;
+use super::fragment::{Fragment, Fragments, FragmentsByPixel};
+#[cfg(target_arch = "x86_64")]
+use super::lights::{FragmentRays, RowScratch};
+use super::shape::ShapeSource;
 use crate::mesh::Topology;
 use crate::optics::Accumulator;
-use crate::render::points::{Compositing, Footprint};
+#[cfg(target_arch = "x86_64")]
+use crate::optics::exact::ExactTable;
+use crate::render::points::{Compositing, Footprint, PointStyle};
 use crate::stats::FrameStats;
 use crate::task::Cancel;
-use pulp::WithSimd;
+use pulp::NullaryFnOnce;
 
 /// Pixels of a tile.
 pub(super) const PIXELS: usize = TILE_PX * TILE_PX;
 
-/// Fragments of a tile in memory at a time, as bounded by boxes: 10 MB a thread.
+/// Fragments of a tile in memory at a time, as bounded by boxes: 15 MB a thread.
 const FRAGMENTS_AT_ONCE: usize = 1 << 18;
-
-/// Points drawn between two checks of the cancel flag.
-const POINTS_AT_ONCE: usize = 1024;
 
 /// Scene data shared by all tiles of a frame.
 pub(super) struct Scene<'a, M, Y> {
@@ -41,23 +44,44 @@ pub(super) struct Scene<'a, M, Y> {
 /// Buffers of a tile, reused from tile to tile.
 #[derive(Default)]
 pub(super) struct TileScratch {
+    cover: CoverScratch,
     fragments: Fragments,
+    #[cfg(target_arch = "x86_64")]
+    rows: RowScratch,
 }
 
+/// A processor's vectors, which may have room for eight rays.
+pub(super) trait PointLanes: Lanes {
+    /// Composites rays side by side; `None` if there are no vectors for that.
+    #[cfg(target_arch = "x86_64")]
+    fn composite(
+        self,
+        _rays: FragmentRays<'_>,
+        _table: &ExactTable,
+        _early_termination: bool,
+        _into: (&mut RowScratch, &mut [TilePixel]),
+    ) -> Option<FrameStats> {
+        None
+    }
+}
+
+impl PointLanes for pulp::Scalar {}
+
 /// Renders one tile into the first pixels of `pixels`, row by row; returns its statistics.
-pub(super) struct RenderTile<'a, M, Y> {
+pub(super) struct RenderTile<'a, M, Y, L> {
+    pub(super) lanes: L,
     pub(super) scene: &'a Scene<'a, M, Y>,
     pub(super) tile: usize,
     pub(super) scratch: &'a mut TileScratch,
     pub(super) pixels: &'a mut [TilePixel],
 }
 
-impl<M: Medium<Light = Accumulator>, Y: Layers> WithSimd for RenderTile<'_, M, Y> {
+impl<M: Medium<Light = Accumulator>, Y: Layers, L: PointLanes> NullaryFnOnce for RenderTile<'_, M, Y, L> {
     type Output = FrameStats;
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) -> FrameStats {
-        let Self { scene, tile, scratch, pixels } = self;
+    fn call(self) -> FrameStats {
+        let Self { lanes, scene, tile, scratch, pixels } = self;
         pixels.fill(TilePixel::TRANSPARENT);
         let mut stats = FrameStats::default();
         let rect = scene.bins.grid.rect(tile);
@@ -76,23 +100,24 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> WithSimd for RenderTile<'_, M, Y
                 pixels[row * width + column] = light.pixel();
             });
         }
+        scene.list(tile, &mut scratch.cover);
         for wanted in scene.passes(tile, &rays) {
-            scene.collect(tile, &rays, &wanted, &mut scratch.fragments.found);
+            scene.collect(lanes, (&rays, &wanted), &mut scratch.cover, &mut scratch.fragments);
             if scene.cancel.is_cancelled() {
                 break;
             }
-            stats.fragments += scratch.fragments.found.len() as u64;
-            scratch.fragments.each_pixel(scene.order(), |pixel, found, words| {
-                let (column, row) = (pixel % TILE_PX, pixel / TILE_PX);
-                let fragments = words.iter().map(|&word| &found[word as u32 as usize]);
-                let ahead = scene.layers.ahead(x + column, y + row);
-                let light = scene.light(&rays.ray(view, pixel), fragments, ahead);
-                stats.segments += u64::from(light.segments);
-                stats.out_of_order += u64::from(light.out_of_order);
-                stats.rays_stopped_early += u64::from(scene.early_termination && light.is_opaque());
-                stats.rays_hit += 1;
-                pixels[row * width + column] = light.pixel();
-            });
+            stats.fragments += scratch.fragments.len() as u64;
+            let fragments = scratch.fragments.by_pixel(scene.source.style.exact_order);
+            #[cfg(target_arch = "x86_64")]
+            if let Some(table) = scene.medium.exact_table().filter(|_| scene.are_cut() && !has_layers) {
+                let in_lanes = FragmentRays::new((view, &rays), &fragments, scene.medium.cell_scalars());
+                let into = (&mut scratch.rows, &mut *pixels);
+                if let Some(counts) = lanes.composite(in_lanes, table, scene.early_termination, into) {
+                    stats.add_counts(&counts);
+                    continue;
+                }
+            }
+            scene.each(&wanted, |pixel| scene.composite(pixel, &rays, &fragments, pixels, &mut stats));
         }
         stats
     }
@@ -104,6 +129,31 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
         for (row, bits) in wanted.iter().enumerate() {
             (0..TILE_PX).filter(|column| bits >> column & 1 == 1).for_each(|column| each(row * TILE_PX + column));
         }
+    }
+
+    /// Composites the fragments of a pixel.
+    #[inline(always)]
+    fn composite(
+        &self,
+        pixel: usize,
+        rays: &TileRays,
+        fragments: &FragmentsByPixel<'_>,
+        pixels: &mut [TilePixel],
+        stats: &mut FrameStats,
+    ) {
+        let range = fragments.range(pixel);
+        if range.is_empty() {
+            return;
+        }
+        let Bounds { x0, x1, y0, .. } = rays.bounds;
+        let (column, row) = (pixel % TILE_PX, pixel / TILE_PX);
+        let ahead = self.layers.ahead(x0 + column, y0 + row);
+        let light = self.light(&rays.ray(self.source.view, pixel), fragments.some(range), ahead);
+        stats.segments += u64::from(light.segments);
+        stats.out_of_order += u64::from(light.out_of_order);
+        stats.rays_stopped_early += u64::from(self.early_termination && light.is_opaque());
+        stats.rays_hit += 1;
+        pixels[row * (x1 - x0) + column] = light.pixel();
     }
 
     /// The pixels of a tile whose rays are cast, in parts whose fragments are drawn together.
@@ -125,78 +175,18 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
         })
     }
 
-    /// Finds the fragments of the wanted pixels, in list order; only some if the job is cancelled.
-    #[inline(always)]
-    fn collect(&self, tile: usize, rays: &TileRays, wanted: &TileBits, found: &mut Vec<Fragment>) {
-        found.clear();
-        for chunk in 0..self.bins.chunk_count() {
-            for items in self.bins.items(chunk, tile).chunks(POINTS_AT_ONCE) {
-                if self.cancel.is_cancelled() {
-                    return;
-                }
-                for item in items {
-                    if let Some(point) = self.source.point(item.item) {
-                        self.cover(&point, item.bounds(), (rays, wanted), found);
-                    }
-                }
-            }
-        }
-    }
-
-    /// Finds the fragments of a point.
-    #[inline(always)]
-    fn cover(&self, point: &Point, bounds: Bounds, (rays, wanted): (&TileRays, &TileBits), found: &mut Vec<Fragment>) {
-        let (cell, view) = (point.cell, self.source.view);
-        let is_gap = self.source.style.compositing == Compositing::Gap;
-        if let Shape::Tet(tet, longer) = &point.shape {
-            tet.in_tile(view, rays).hits((view, rays), bounds, wanted, |pixel, [entry, exit]| {
-                let (mut depth, mut scalar) = ([entry.depth, exit.depth], [entry.scalar, exit.scalar]);
-                if is_gap {
-                    (depth, scalar) = ([point.center.z; 2], [point.mean; 2]);
-                } else if *longer != 1.0 {
-                    let (middle, half) = (0.5 * (depth[0] + depth[1]), 0.5 * longer * (depth[1] - depth[0]));
-                    depth = [middle - half, middle + half];
-                }
-                found.push(Fragment { depth, scalar, cell, pixel: pixel as u32 });
-            });
-            return;
-        }
-        let columns = ((1u32 << bounds.x1) - (1u32 << bounds.x0)) as u16;
-        for (row, wanted) in wanted.iter().enumerate().take(bounds.y1).skip(bounds.y0) {
-            let mut asked = wanted & columns;
-            while asked != 0 {
-                let pixel = row * TILE_PX + asked.trailing_zeros() as usize;
-                asked &= asked - 1;
-                if let Some(slab) = point.slab(&self.source, rays.at(pixel)) {
-                    let half = if is_gap { 0.0 } else { 0.5 * slab.thickness };
-                    let depth = [slab.middle - half, slab.middle + half];
-                    found.push(Fragment { depth, scalar: [slab.scalar; 2], cell, pixel: pixel as u32 });
-                }
-            }
-        }
-    }
-
     /// Whether segments are those of rays in cells, each of which begins where what is composited ends.
     fn are_cut(&self) -> bool {
-        self.source.style.footprint == Footprint::Exact
-    }
-
-    /// What the fragments of a pixel are sorted by.
-    fn order(&self) -> Order {
-        let style = self.source.style;
-        match style.compositing {
-            _ if !style.exact_order => Order::Listed,
-            Compositing::Own if !self.are_cut() => Order::Middle,
-            Compositing::Own | Compositing::Gap => Order::Entry,
-        }
+        let PointStyle { compositing, footprint, .. } = self.source.style;
+        compositing == Compositing::Own && footprint == Footprint::Exact
     }
 
     /// The light of a ray from its fragments in order.
     #[inline(always)]
-    fn light<'f, A: Ahead>(
+    fn light<A: Ahead>(
         &self,
         ray: &Ray,
-        fragments: impl Iterator<Item = &'f Fragment> + Clone,
+        fragments: impl Iterator<Item = Fragment> + Clone,
         ahead: A,
     ) -> RayLight<M::Ray, A> {
         let light = RayLight::new(self.source.view.near_depth(), ahead);
@@ -209,10 +199,10 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
 
     /// Light of the segments between successive points.
     #[inline(always)]
-    fn light_of_gaps<'f, A: Ahead>(
+    fn light_of_gaps<A: Ahead>(
         &self,
         ray: &Ray,
-        fragments: impl Iterator<Item = &'f Fragment>,
+        fragments: impl Iterator<Item = Fragment>,
         mut light: RayLight<M::Ray, A>,
     ) -> RayLight<M::Ray, A> {
         let mut last: Option<RayPoint> = None;
@@ -232,15 +222,15 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
 
     /// Light of slabs, which add up.
     #[inline(always)]
-    fn light_of_slabs<'f, A: Ahead>(
+    fn light_of_slabs<A: Ahead>(
         &self,
         ray: &Ray,
-        fragments: impl Iterator<Item = &'f Fragment>,
+        fragments: impl Iterator<Item = Fragment>,
         mut light: RayLight<M::Ray, A>,
     ) -> RayLight<M::Ray, A> {
         let near = self.source.view.near_depth();
         for fragment in fragments {
-            let [from, to] = fragment.ends();
+            let [from, to] = fragment.ends_of_slab();
             light.add(self.medium, self.segment(ray, fragment.cell, from, to), near);
             if self.early_termination && light.is_opaque() {
                 break;
@@ -251,10 +241,10 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
 
     /// Light of the segments in cells. Where the ray goes from cell to cell, runs of them are composited together.
     #[inline(always)]
-    fn light_of_cells<'f, A: Ahead>(
+    fn light_of_cells<A: Ahead>(
         &self,
         ray: &Ray,
-        mut fragments: impl Iterator<Item = &'f Fragment> + Clone,
+        mut fragments: impl Iterator<Item = Fragment> + Clone,
         mut light: RayLight<M::Ray, A>,
     ) -> RayLight<M::Ray, A> {
         let mut last = RayPoint { depth: f64::NEG_INFINITY, scalar: 0.0 };
@@ -292,26 +282,28 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
         }
     }
 
-    /// Number of fragments that follow each other without a gap from the point `last` on and are composited together, and their end.
+    /// Number of fragments that follow each other without a gap from the point `last` on and are composited together, and their end. None
+    /// behind them begins before it: a run counts as visible to its end, which would cut what begins there.
     #[inline(always)]
-    fn run<'f, A: Ahead>(
+    fn run<A: Ahead>(
         &self,
         light: &RayLight<M::Ray, A>,
-        mut last: RayPoint,
-        fragments: impl Iterator<Item = &'f Fragment>,
+        last: RayPoint,
+        fragments: impl Iterator<Item = Fragment>,
     ) -> (usize, RayPoint) {
         let up_to = light.runs_up_to(self.medium);
-        if up_to == f64::NEG_INFINITY || !light.is_at(last.depth) {
+        if !self.source.style.exact_order || up_to == f64::NEG_INFINITY || !light.is_at(last.depth) {
             return (0, last);
         }
-        let goes_on = |fragment: &&Fragment| {
+        let (mut count, mut before, mut end) = (0, last, last);
+        for fragment in fragments {
             let [entry, exit] = fragment.ends();
-            let goes_on = entry == last && exit.depth > entry.depth && exit.depth <= up_to;
-            last = if goes_on { exit } else { last };
-            goes_on
-        };
-        let count = fragments.take_while(goes_on).count();
-        (count, last)
+            if entry != end || exit.depth <= entry.depth || exit.depth > up_to {
+                return if entry.depth < end.depth && count > 0 { (count - 1, before) } else { (count, end) };
+            }
+            (count, before, end) = (count + 1, end, exit);
+        }
+        (count, end)
     }
 
     /// The segment of a fragment, with values at its ends for a medium that needs them.
@@ -327,9 +319,12 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
     #[inline(never)]
     fn values(&self, ray: &Ray, cell: u32, depth: [f64; 2]) -> [f64; 2] {
         let ShapeSource { vertices, style, .. } = self.source;
-        if style.is_exact() {
+        if style.is_exact() && !style.constant_scalar {
             let on_ray = ValuesOnRay { medium: self.medium, topology: self.topology, vertices, ray: *ray };
             return on_ray.along(cell, depth[0], 0.0, cell);
+        }
+        if self.source.has_cell_scalars() {
+            return [self.medium.value_in_cell(cell); 2];
         }
         let sum: f64 = self.topology.tets[cell as usize].iter().map(|&v| self.medium.vertex_value(v)).sum();
         [0.25 * sum; 2]

@@ -62,15 +62,20 @@ impl BoxSource<'_> {
 
     /// Least depth of a corner, rounded to f32.
     #[inline(always)]
-    pub(in crate::render::cpu) fn nearest(&self, ids: [u32; 3]) -> f32 {
-        let [a, b, c] = ids.map(|v| self.screen[v as usize][2]);
-        less(a, less(b, c))
+    pub(in crate::render::cpu) fn nearest<const N: usize>(&self, ids: [u32; N]) -> f32 {
+        ids.iter().fold(f32::INFINITY, |least, &v| less(least, self.screen[v as usize][2]))
     }
 
-    /// Pixels of the image whose rays may meet a face in front of the eye; `None` if there are none. Conservative: image positions are
-    /// accurate to 2^-22 of the image's size.
+    /// Greatest depth of a corner, rounded to f32.
     #[inline(always)]
-    pub(in crate::render::cpu) fn bounds(&self, ids: [u32; 3]) -> Option<Bounds> {
+    pub(in crate::render::cpu) fn furthest<const N: usize>(&self, ids: [u32; N]) -> f32 {
+        ids.iter().fold(f32::NEG_INFINITY, |most, &v| greater(most, self.screen[v as usize][2]))
+    }
+
+    /// Pixels of the image whose rays may meet the hull of some corners, as of a face or a cell, in front of the eye; `None` if there are
+    /// none. Conservative: image positions are accurate to 2^-22 of the image's size.
+    #[inline(always)]
+    pub(in crate::render::cpu) fn bounds<const N: usize>(&self, ids: [u32; N]) -> Option<Bounds> {
         let corners = ids.map(|v| self.screen[v as usize]);
         if is_at_eye(&corners) {
             pixel_box(self.view, self.corners(ids))
@@ -91,15 +96,15 @@ impl BoxSource<'_> {
         if is_clockwise(&corners, size) { None } else { bounds_on_screen(&corners, self.view) }
     }
 
-    fn corners(&self, ids: [u32; 3]) -> [ViewVertex; 3] {
+    fn corners<const N: usize>(&self, ids: [u32; N]) -> [ViewVertex; N] {
         ids.map(|v| self.vertices[v as usize])
     }
 }
 
-/// Pixels whose rays may meet a triangle in front of the eye; `None` if there are none. Conservative.
+/// [`box_of_hull`], out of the way.
 #[cold]
 #[inline(never)]
-fn pixel_box(view: &View, corners: [ViewVertex; 3]) -> Option<Bounds> {
+fn pixel_box<const N: usize>(view: &View, corners: [ViewVertex; N]) -> Option<Bounds> {
     box_of_hull(view, &corners)
 }
 
@@ -162,15 +167,19 @@ pub(in crate::render::cpu) fn pixels_of(view: &View, [[left, right], [bottom, to
 
 /// Whether a corner is not in front of the eye: NaN propagates.
 #[inline(always)]
-fn is_at_eye([a, b, c]: &[ScreenPoint; 3]) -> bool {
-    (a[0] + b[0] + c[0]).is_nan()
+fn is_at_eye(corners: &[ScreenPoint]) -> bool {
+    corners.iter().fold(0.0, |sum, p| sum + p[0]).is_nan()
 }
 
 #[inline(always)]
-fn bounds_on_screen([a, b, c]: &[ScreenPoint; 3], view: &View) -> Option<Bounds> {
+fn bounds_on_screen(corners: &[ScreenPoint], view: &View) -> Option<Bounds> {
     let range = |axis: usize, end: usize| {
         let pad = 1e-3 + end as f32 * (1.0 / (1u32 << 22) as f32);
-        let (lo, hi) = (less(a[axis], less(b[axis], c[axis])) - pad, greater(a[axis], greater(b[axis], c[axis])) + pad);
+        let (mut lo, mut hi) = (f32::INFINITY, f32::NEG_INFINITY);
+        for p in corners {
+            (lo, hi) = (less(lo, p[axis]), greater(hi, p[axis]));
+        }
+        let (lo, hi) = (lo - pad, hi + pad);
         // Casts of numbers beyond the integer range saturate. A pixel exactly at an end lies a pad outside.
         let from = if lo > 0.0 { lo as i32 as usize + 1 } else { 0 };
         let to = if hi > 0.0 { hi as i32 as usize + 1 } else { 0 };

@@ -19,6 +19,16 @@ pub(in crate::render::cpu) trait Lanes: Copy {
     /// A bit for each lane where `a < b`.
     fn less_f64(self, a: [f64; 8], b: [f64; 8]) -> u8;
 
+    /// `a` where the bit is set, else `b`.
+    #[inline(always)]
+    fn select(self, bits: u8, a: [f64; 8], b: [f64; 8]) -> [f64; 8] {
+        let mut selected = [0.0; 8];
+        for l in 0..8 {
+            selected[l] = if bits >> l & 1 == 1 { a[l] } else { b[l] };
+        }
+        selected
+    }
+
     /// For eight pixels of a tile, the entries of one table at their columns, and of another at their rows.
     #[inline(always)]
     fn look_up(self, pixels: &[u32; 8], columns: &[f64; TILE_PX], rows: &[f64; TILE_PX]) -> [[f64; 8]; 2] {
@@ -73,6 +83,18 @@ mod x86 {
             let bits = |i: usize| self.avx._mm256_movemask_pd(self.avx._mm256_cmp_pd::<_CMP_LT_OQ>(a[i], b[i]));
             (bits(0) | bits(1) << 4) as u8
         }
+
+        #[inline(always)]
+        fn select(self, bits: u8, a: [f64; 8], b: [f64; 8]) -> [f64; 8] {
+            let (a, b): ([__m256d; 2], [__m256d; 2]) = (cast(a), cast(b));
+            let all = self.avx._mm256_set1_epi64x(i64::from(bits));
+            let select = |i: usize, of_lanes: [u64; 4]| {
+                let of_lanes = cast::<_, __m256i>(of_lanes);
+                let flags = self.avx2._mm256_cmpeq_epi64(self.avx2._mm256_and_si256(all, of_lanes), of_lanes);
+                self.avx._mm256_blendv_pd(b[i], a[i], cast(flags))
+            };
+            cast([select(0, [1, 2, 4, 8]), select(1, [16, 32, 64, 128])])
+        }
     }
 
     /// Offsets of a block's pixels from its first one.
@@ -95,6 +117,11 @@ mod x86 {
         #[inline(always)]
         fn less_f64(self, a: [f64; 8], b: [f64; 8]) -> u8 {
             self.avx512f._mm512_cmplt_pd_mask(cast::<_, __m512d>(a), cast::<_, __m512d>(b))
+        }
+
+        #[inline(always)]
+        fn select(self, bits: u8, a: [f64; 8], b: [f64; 8]) -> [f64; 8] {
+            cast(self.avx512f._mm512_mask_blend_pd(bits, cast::<_, __m512d>(b), cast::<_, __m512d>(a)))
         }
 
         #[inline(always)]

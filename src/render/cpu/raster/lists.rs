@@ -7,6 +7,7 @@ use super::super::ray::less;
 use super::super::tiles::{TILE_PX, TileGrid};
 use super::boxes::{Bounds, BoxSource};
 use crate::mesh::NONE;
+use crate::visibility::ascending_bits;
 use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
 
@@ -59,6 +60,12 @@ impl<T: Copy> TileItem<T> {
     #[inline(always)]
     pub(in crate::render::cpu) fn nearest(&self) -> f64 {
         below(self.nearest)
+    }
+
+    /// Ascends with the least depth.
+    #[inline(always)]
+    pub(in crate::render::cpu) fn depth_order(&self) -> u32 {
+        ascending_bits(self.nearest)
     }
 
     /// The box within the tile, relative to the tile's corner.

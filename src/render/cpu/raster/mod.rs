@@ -25,97 +25,17 @@
 pub(super) mod boxes;
 pub(super) mod lanes;
 pub(super) mod lists;
+mod rays;
 
 use super::ray::{Ray, ViewVertex, crossing, greater, less};
-use super::tiles::TILE_PX;
-use crate::camera::{Lattice, Samples, View};
-use boxes::Bounds;
-use lanes::{BLOCK, COLUMNS, Lanes, PixelList};
+use crate::camera::View;
+use lanes::{BLOCK, Lanes, PixelList};
 use lists::TileFace;
+pub(super) use rays::TileRays;
 
 /// Pixels or faces processed at a time.
 const EIGHT: usize = 8;
 type Eight = [f64; EIGHT];
-
-/// The rays of a tile.
-pub(super) struct TileRays {
-    pub(super) bounds: Bounds,
-    /// The middle of the tile on the image plane.
-    pub(super) centre: [f64; 2],
-    /// Positions of the columns and rows in the image plane.
-    px: [f64; TILE_PX],
-    py: [f64; TILE_PX],
-    /// Distances of the columns and rows from the middle.
-    pub(super) dx: [f64; TILE_PX],
-    pub(super) dy: [f64; TILE_PX],
-    /// The same distances for the pixels of a block that begins at each column, and at each row.
-    block_dx: [[f32; BLOCK]; TILE_PX],
-    block_dy: [[f32; BLOCK]; TILE_PX],
-    /// Largest |dx| and |dy|.
-    pub(super) reach: [f64; 2],
-    /// Bits of the columns, per row, whose rays are cast.
-    pub(super) rendered: [u16; TILE_PX],
-    /// Whether all rays of the tile are cast.
-    all_rendered: bool,
-}
-
-impl TileRays {
-    /// The rays to be cast in a tile of the image.
-    pub(super) fn new(view: &View, bounds: Bounds) -> Self {
-        let Bounds { x0, x1, y0, y1 } = bounds;
-        let in_row = |row: usize| view.rendered_in(row, x0..x1).fold(0, |bits, (x, _)| bits | 1 << (x - x0));
-        let is_all = view.samples == Samples::ALL;
-        let some = || std::array::from_fn(|j| if y0 + j < y1 { in_row(y0 + j) } else { 0 });
-        Self::of_lattice(view, Lattice::ALL, bounds, (!is_all).then(some))
-    }
-
-    /// The rays of a tile of lattice points; `bounds` are lattice indices. `some`: bits of the columns, per row, whose rays are cast; all
-    /// without.
-    pub(super) fn of_lattice(view: &View, lattice: Lattice, bounds: Bounds, some: Option<[u16; TILE_PX]>) -> Self {
-        let Bounds { x0, x1, y0, y1 } = bounds;
-        // Values beyond the image are unused.
-        let [column, row] = [view.width_px, view.height_px].map(|pixels| move |at| lattice.pixel(at, pixels));
-        let middle = |first: usize, last: usize| 0.5 * (first + last + 1) as f64;
-        let (cx, cy) = view.ray_at(middle(column(x0), column(x1 - 1)), middle(row(y0), row(y1 - 1)));
-        let px: [f64; TILE_PX] = std::array::from_fn(|i| view.ray(column(x0 + i), 0).0);
-        let py: [f64; TILE_PX] = std::array::from_fn(|j| view.ray(0, row(y0 + j)).1);
-        let (dx, dy) = (px.map(|px| px - cx), py.map(|py| py - cy));
-        let most = |of: &[f64]| of.iter().fold(0.0f64, |most, d| most.max(d.abs()));
-        let reach = [most(&dx[..x1 - x0]), most(&dy[..y1 - y0])];
-        let at = |of: &[f64; TILE_PX], i: usize| of[i.min(TILE_PX - 1)] as f32;
-        let block_dx = std::array::from_fn(|i| std::array::from_fn(|l| at(&dx, i + l % COLUMNS)));
-        let block_dy = std::array::from_fn(|j| std::array::from_fn(|l| at(&dy, j + l / COLUMNS)));
-        let all = |j: usize| if y0 + j < y1 { u16::MAX >> (TILE_PX - (x1 - x0)) } else { 0 };
-        let (all_rendered, rendered) = (some.is_none(), some.unwrap_or_else(|| std::array::from_fn(all)));
-        Self { bounds, centre: [cx, cy], px, py, dx, dy, block_dx, block_dy, reach, rendered, all_rendered }
-    }
-
-    /// The ray of a pixel, row times [`TILE_PX`] plus column.
-    #[inline(always)]
-    pub(super) fn ray(&self, view: &View, pixel: usize) -> Ray {
-        let pixel = pixel % (TILE_PX * TILE_PX);
-        Ray::through(view, self.px[pixel % TILE_PX], self.py[pixel / TILE_PX])
-    }
-
-    /// The image-plane point of a pixel.
-    #[inline(always)]
-    pub(super) fn at(&self, pixel: usize) -> (f64, f64) {
-        (self.px[pixel % TILE_PX], self.py[pixel / TILE_PX % TILE_PX])
-    }
-
-    /// Compacts a list to the pixels whose rays are cast, in order; returns their number.
-    #[cold]
-    #[inline(never)]
-    fn keep_rendered(&self, list: &mut [u32]) -> usize {
-        let mut kept = 0;
-        for i in 0..list.len() {
-            let pixel = list[i] as usize;
-            list[kept] = list[i];
-            kept += usize::from(self.rendered[pixel / TILE_PX] >> (pixel % TILE_PX) & 1);
-        }
-        kept
-    }
-}
 
 /// The point at which a ray passes through a face.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -208,8 +128,7 @@ impl Faces {
         let (mut certain, mut coarse) = ([0.0; EIGHT], [0.0; EIGHT]);
         for l in 0..EIGHT {
             certain[l] = certain_above(reach[l], summed[l]);
-            let above = reach[l] * (COARSE * reach[l] + SHEARED * summed[l]);
-            coarse[l] = (above + 16.0 * f64::from(f32::MIN_POSITIVE)) as f32;
+            coarse[l] = coarse_above(reach[l], summed[l]);
         }
         put(&mut self.certain, first, certain);
         put(&mut self.coarse, first, coarse);
@@ -249,10 +168,7 @@ impl Faces {
         let i = i % FACES_AT_ONCE;
         let [front, behind] = self.faces[i].item.cells;
         let certain_above = [self.certain[i]; EIGHT];
-        let mut candidates = self.candidates(lanes, i, rays, list);
-        if !rays.all_rendered {
-            candidates = rays.keep_rendered(&mut list[..candidates]);
-        }
+        let candidates = self.candidates(lanes, i, rays, list);
         let mut first = 0;
         while first < candidates {
             let pixels = list[first..].first_chunk().unwrap_or(&[0; EIGHT]);
@@ -286,30 +202,17 @@ impl Faces {
     /// Lists the pixels in the box of face `i` that do not certainly miss it; returns their number.
     #[inline(always)]
     fn candidates<L: Lanes>(&self, lanes: L, i: usize, rays: &TileRays, list: &mut PixelList) -> usize {
-        let Bounds { x0: first, x1: end, y0: top, y1: bottom } = self.faces[i].bounds();
-        let edges = [0, 1, 2].map(|e| [self.rounded[e][0][i], self.rounded[e][1][i], self.rounded[e][2][i]]);
-        let coarse = [self.coarse[i]; BLOCK];
-        let mut count = 0;
-        let mut column = first;
-        while column < end {
-            let columns = 0xffu32 >> COLUMNS.saturating_sub(end - column);
-            let dx = &rays.block_dx[column % TILE_PX];
-            let mut row = top;
-            while row < bottom {
-                let asked = columns | if row + 1 < bottom { columns << COLUMNS } else { 0 };
-                let dy = &rays.block_dy[row % TILE_PX];
-                let mut some = [0.0; BLOCK];
-                for l in 0..BLOCK {
-                    let [a, b, c] = edges.map(|[middle, per_dx, per_dy]| middle + dy[l] * per_dy + dx[l] * per_dx);
-                    some[l] = less(-less(less(a, b), c), greater(greater(a, b), c));
-                }
-                let missed = u32::from(lanes.less_f32(coarse, some));
-                count = lanes.push((asked & !missed) as u16, row * TILE_PX + column, list, count);
-                row += BLOCK / COLUMNS;
+        let of = |e: usize| [self.rounded[e][0][i], self.rounded[e][1][i], self.rounded[e][2][i]];
+        let edges = [of(0), of(1), of(2)];
+        let coarse = self.coarse[i];
+        rays.candidates(lanes, self.faces[i].bounds(), &rays.rendered, (list, coarse), |dx, dy| {
+            let mut some = [0.0; BLOCK];
+            for l in 0..BLOCK {
+                let [a, b, c] = edges.map(|[middle, per_dx, per_dy]| middle + dy[l] * per_dy + dx[l] * per_dx);
+                some[l] = less(-less(less(a, b), c), greater(greater(a, b), c));
             }
-            column += COLUMNS;
-        }
-        count
+            some
+        })
     }
 
     /// Edge functions of face `i` at eight pixels.
@@ -353,6 +256,13 @@ const SHEARED: f64 = 1.0 / (1u64 << 45) as f64;
 /// Bound for f32 values.
 const COARSE: f64 = 1.0 / (1u64 << 19) as f64;
 
+/// Bound in f32 above which an edge function has its sign in f64 (above).
+#[inline(always)]
+pub(super) fn coarse_above(reach: f64, summed: f64) -> f32 {
+    let above = reach * (COARSE * reach + SHEARED * summed);
+    (above + 16.0 * f64::from(f32::MIN_POSITIVE)) as f32
+}
+
 /// Bound above which an edge function over a tile has its sign and its value (above), of corners with this R and D.
 #[inline(always)]
 pub(super) fn certain_above(reach: f64, summed: f64) -> f64 {
@@ -388,7 +298,7 @@ fn differences(a: &Eight, b: &Eight, c: &Eight, d: &Eight) -> Eight {
 }
 
 #[inline(always)]
-fn rounded_to_f32(of: &Eight) -> [f32; EIGHT] {
+pub(super) fn rounded_to_f32(of: &Eight) -> [f32; EIGHT] {
     let mut rounded = [0.0; EIGHT];
     for l in 0..EIGHT {
         rounded[l] = of[l] as f32;

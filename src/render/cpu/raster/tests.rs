@@ -1,7 +1,8 @@
 //! Hits found many pixels at a time against the definition, pixel by pixel.
 
 use super::super::ray::transform;
-use super::boxes::{BoxSource, project};
+use super::super::tiles::TILE_PX;
+use super::boxes::{Bounds, BoxSource, project};
 use super::lists::{ListedFace, SeenItem};
 use super::*;
 use crate::camera::{Camera, Projection};
