@@ -4,7 +4,7 @@
 // fragment is sure to be the cell's exit; else at the eye, with the scalar there.
 fn start_in(ray: Ray, index: u32, tile: u32, local: u32) {
     let bits = eye_word(index, 1u);
-    var entry = FaceHit(false, false, true, vec2(0.0), 0.0, 0.0);
+    var entry = NO_HIT;
     var exit = entry;
     var entered_in_front = true;
     var left_in_front = false;
@@ -31,26 +31,26 @@ fn start_in(ray: Ray, index: u32, tile: u32, local: u32) {
         return;
     }
     let wanted = COMPLETE | EXACT_ORDER;
-    let from_ = entry.depth.x + entry.depth.y;
-    let to = exit.depth.x + exit.depth.y;
-    if (face_params.flags & wanted) != wanted && from_ < 0.0 && to > from_ {
+    let from_ = entry.at.depth.x + entry.at.depth.y;
+    let to = exit.at.depth.x + exit.at.depth.y;
+    if (list_params.flags & wanted) != wanted && from_ < 0.0 && to > from_ {
         let share = -from_ / (to - from_);
-        entry.scalar += (exit.scalar - entry.scalar) * share;
-        entry.value += (exit.value - entry.value) * share;
-        entry.depth = vec2(0.0);
+        entry.at.scalar += (exit.at.scalar - entry.at.scalar) * share;
+        entry.at.value += (exit.at.value - entry.at.value) * share;
+        entry.at.depth = vec2(0.0);
     }
-    keep_fragment(tile, local, entry, index, vec2(NONE, eye_word(index, 0u)));
+    keep_fragment(tile, local, fragment_of_hit(entry.at, index, vec2(NONE, eye_word(index, 0u))));
 }
 
 @compute @workgroup_size(256)
 fn face_starts(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let tile = face_params.first + group.x + group.y * groups.x;
+    let tile = list_params.first + group.x + group.y * groups.x;
     let pixel = pixel_of_thread(tile, local);
-    if tile >= face_params.end || any(pixel >= params.size_px) || !is_in_band(tile, local) {
+    if tile >= list_params.end || any(pixel >= params.size_px) || !is_in_band(tile, local) {
         return;
     }
     let ray = ray_through(pixel);
-    for (var i = 0u; i < face_params.eye_count; i++) {
+    for (var i = 0u; i < list_params.eye_count; i++) {
         start_in(ray, i, tile, local);
     }
 }

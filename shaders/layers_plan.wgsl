@@ -6,8 +6,8 @@ const GROUPS_PER_ROW: u32 = 32768u;
 fn layers_plan() {
     let from_ = lists[PIECES_TO];
     // If not all pieces fit, the host begins again with a longer list.
-    let end = min(lists[PIECE_COUNT], face_params.piece_capacity);
-    let to = min(end, from_ + face_params.end);
+    let end = min(lists[PIECE_COUNT], list_params.piece_capacity);
+    let to = min(end, from_ + list_params.end);
     lists[PIECES_FROM] = from_;
     lists[PIECES_TO] = to;
     let groups = to - from_;

@@ -14,7 +14,7 @@ fn layers_reference(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invo
     let extent = depth_range[1] - depth_range[0];
     let at = layers_at(tile, thread);
     var layers = vec4(MISSING);
-    for (var layer = 0u; layer < face_params.k; layer++) {
+    for (var layer = 0u; layer < list_params.k; layer++) {
         let nearness = depths[at + layer];
         if nearness != 0u {
             // An empty range counts as having extent 1.

@@ -19,7 +19,6 @@ fn whole_plane() -> vec4<i32> {
 // First and last column and row (inclusive) of the places in the plane whose rays may meet the triangle in front of the eye; empty if
 // x > y or z > w.
 fn face_box(a: ViewVertex, b: ViewVertex, c: ViewVertex) -> vec4<i32> {
-    let last = vec2<i32>(params.image_px) - vec2(1);
     var w = vec3(1.0);
     if (params.flags & PERSPECTIVE) != 0u {
         w = vec3(a.depth.x + a.depth.y, b.depth.x + b.depth.y, c.depth.x + c.depth.y);
@@ -29,8 +28,14 @@ fn face_box(a: ViewVertex, b: ViewVertex, c: ViewVertex) -> vec4<i32> {
     }
     let x = vec3(a.plane.x, b.plane.x, c.plane.x);
     let y = vec3(a.plane.z, b.plane.z, c.plane.z);
-    let across = plane_range(x, w) / params.pitch.x;
-    let upwards = plane_range(y, w) / params.pitch.z;
+    return box_between(plane_range(x, w), plane_range(y, w));
+}
+
+// The box of the places between two x and between two y on the image plane.
+fn box_between(x: vec2<f32>, y: vec2<f32>) -> vec4<i32> {
+    let last = vec2<i32>(params.image_px) - vec2(1);
+    let across = x / params.pitch.x;
+    let upwards = y / params.pitch.z;
     // Rounding is below 2^-20 of the image's size; the pad is 1/16 of a pixel, and images have at most 2^15 of them.
     let columns = 0.5 * (across + f32(last.x)) + vec2(-0.0625, 0.0625);
     let rows = 0.5 * (vec2(-upwards.y, -upwards.x) + f32(last.y)) + vec2(-0.0625, 0.0625);

@@ -9,7 +9,8 @@
 //
 // (h: depth in perspective, 1 in parallel projection).
 
-struct Face {
+// What is listed: a face.
+struct Element {
     ids: vec3<u32>,
     // The cells in front of it and behind it, for a ray that sees its corners counter-clockwise.
     cells: vec2<u32>,
@@ -28,16 +29,14 @@ struct FaceHit {
     turned: bool,
     // The hit is in front of the eye, as computed from the corners.
     in_front: bool,
-    // Depth as `Params` counts, as a sum of two.
-    depth: vec2<f32>,
-    scalar: f32,
-    // With a joint table, the value at vertices, interpolated.
-    value: f32,
+    at: HitPoint,
 }
+
+const NO_HIT: FaceHit = FaceHit(false, false, true, HitPoint(vec2(0.0), 0.0, 0.0));
 
 // Tests a ray against a face; `ids` ascend, the ray's depths are counted as `Params` has it.
 fn hit_face(ray: Ray, ids: vec3<u32>, a: ViewVertex, b: ViewVertex, c: ViewVertex) -> FaceHit {
-    var found = FaceHit(false, false, true, vec2(0.0), 0.0, 0.0);
+    var found = NO_HIT;
     let p = shear(ray, a);
     let q = shear(ray, b);
     let r = shear(ray, c);
@@ -50,24 +49,20 @@ fn hit_face(ray: Ray, ids: vec3<u32>, a: ViewVertex, b: ViewVertex, c: ViewVerte
     }
     found.turned = !bc.positive;
     let edges = max(select(real3(bc.value, -ac.value, ab.value), real3(-bc.value, ac.value, -ab.value), found.turned), real3(0.0));
-    let weights = weights_of_hit(edges);
     // The sum is the same for both cells at the face: its terms are in the order of the ids.
     let terms = edges * real3(p.z, q.z, r.z);
     found.in_front = (opaque_real(terms.x) + opaque_real(terms.y)) + opaque_real(terms.z) > real(0.0);
-    found.depth = depth_of_hit(ray, weights, a, b, c);
-    let scalar = p.w + weights.y * (q.w - p.w) + weights.z * (r.w - p.w);
-    found.scalar = f32(scalar_on_face(scalar, p.w, q.w, r.w));
-    found.value = value_at_hit(edges, ids);
+    found.at = hit_point(ray, edges, Triangle(p, q, r, a, b, c, ids));
     return found;
 }
 
-// An edge function in f32.
-fn flat_edge(a: vec4<f32>, b: vec4<f32>) -> f32 {
-    return a.x * b.y - b.x * a.y;
+// The fragment of a hit.
+fn fragment_of_hit(at: HitPoint, rank: u32, cells: vec2<u32>) -> Fragment {
+    return Fragment(at.depth, at.scalar, rank, cells, vec2(at.value, 0.0));
 }
 
 // Keeps a fragment for each pixel of a box (first and last column, first and last row) whose ray hits a face.
-fn hit_pixels(rank: u32, face: Face, box: vec4<u32>) {
+fn hit_pixels(rank: u32, face: Element, box: vec4<u32>) {
     let a = vertices[face.ids.x];
     let b = vertices[face.ids.y];
     let c = vertices[face.ids.z];
@@ -113,20 +108,14 @@ fn hit_pixels(rank: u32, face: Face, box: vec4<u32>) {
             let found = hit_face(ray_through(vec2(x, y)), face.ids, a, b, c);
             if found.hit && (!at_eye || is_seen(found, face)) {
                 let cells = select(face.cells, face.cells.yx, found.turned);
-                keep_fragment(tile, local, found, face_params.eye_count + rank, cells);
+                keep_fragment(tile, local, fragment_of_hit(found.at, list_params.eye_count + rank, cells));
             }
         }
     }
 }
 
-// Whether a vertex is within rounding of the eye.
-fn is_at_eye(v: ViewVertex) -> bool {
-    let depth = abs(v.depth.x + v.depth.y) * PLANE_SCALE;
-    return max(max(abs(v.plane.x), abs(v.plane.z)), depth) < PLANE_SCALE / 1048576.0;
-}
-
 // The box of a face, the same in all bands.
-fn box_of(face: Face) -> vec4<i32> {
+fn box_of(face: Element) -> vec4<i32> {
     let a = vertices[face.ids.x];
     let b = vertices[face.ids.y];
     let c = vertices[face.ids.z];
@@ -136,9 +125,7 @@ fn box_of(face: Face) -> vec4<i32> {
     return face_box(a, b, c);
 }
 
-// Pixels of a box above which its face is cut into pieces, one a tile: else all other threads would wait for one.
-const LARGE_PX: i32 = 1024;
+// Only points are noted.
+fn note(face: Element, is_empty: bool) {}
 
-fn is_large(box: vec4<i32>) -> bool {
-    return (box.y - box.x + 1) * (box.w - box.z + 1) > LARGE_PX;
-}
+fn end_notes(thread: u32) {}

@@ -17,7 +17,7 @@ fn range_at(tile: u32) -> u32 {
 }
 
 fn layers_at(tile: u32, local: u32) -> u32 {
-    return 2u * tile_count() + face_params.k * (TILE_PIXELS * tile + local);
+    return 2u * tile_count() + list_params.k * (TILE_PIXELS * tile + local);
 }
 
 // An integer in the order of depths.

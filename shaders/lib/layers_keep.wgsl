@@ -5,8 +5,8 @@ const NEEDS_PLACES: bool = true;
 fn count_fragment(tile: u32, local: u32) {}
 
 // Each depth layer takes the nearer of two depths and passes the other on: in any order of arrival the nearest remain, sorted.
-fn keep_fragment(tile: u32, local: u32, found: FaceHit, rank: u32, cells: vec2<u32>) {
-    let depth = found.depth.x + found.depth.y;
+fn keep_fragment(tile: u32, local: u32, fragment: Fragment) {
+    let depth = fragment.depth.x + fragment.depth.y;
     if depth < params.near {
         return;
     }
@@ -15,7 +15,7 @@ fn keep_fragment(tile: u32, local: u32, found: FaceHit, rank: u32, cells: vec2<u
     atomicMax(&depths[range_at(tile)], nearness);
     atomicMax(&depths[range_at(tile) + 1u], farness);
     let at = layers_at(tile, local);
-    for (var layer = 0u; layer < face_params.k && nearness != 0u; layer++) {
+    for (var layer = 0u; layer < list_params.k && nearness != 0u; layer++) {
         nearness = min(nearness, atomicMax(&depths[at + layer], nearness));
     }
 }

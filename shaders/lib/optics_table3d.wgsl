@@ -84,12 +84,11 @@ fn optics_segment(s0: f32, s1: f32, length: f32) {
         table3d_composite(table3d_look_up(above.x, above.y, length), length);
         return;
     }
-    if any(above < vec2(0.0)) && all(above <= vec2(0.0)) {
-        table3d_composite(table3d.below, length);
-        return;
-    }
-    if all(below <= vec2(0.0)) {
-        table3d_composite(table3d.above, length);
+    // The entry is selected: where a uniform alone was composited, Mesa's software driver (22.3) took the optical depth for one that can be
+    // inlined, and read a buffer that is not bound.
+    let is_below = any(above < vec2(0.0)) && all(above <= vec2(0.0));
+    if is_below || all(below <= vec2(0.0)) {
+        table3d_composite(select(table3d.above, table3d.below, is_below), length);
         return;
     }
     // Cut at the ends of the range. A constant segment lies inside as a whole.

@@ -13,7 +13,7 @@ fn cut(rank: u32, box: vec4<u32>) {
     var piece = atomicAdd(&lists[PIECE_COUNT], count);
     for (var y = tiles.z; y <= tiles.w; y++) {
         for (var x = tiles.x; x <= tiles.y; x++) {
-            if piece < face_params.piece_capacity {
+            if piece < list_params.piece_capacity {
                 atomicStore(&lists[piece_at(piece)], rank);
                 atomicStore(&lists[piece_at(piece) + 1u], y * params.tiles.x + x);
             }

@@ -52,6 +52,11 @@ fn shear(ray: Ray, v: ViewVertex) -> real4 {
     return real4(x, y, depth - ray.origin, f64(v.depth.w));
 }
 
+// Difference of the depths of two vertices.
+fn depth_between(from_: ViewVertex, to: ViewVertex) -> f32 {
+    return f32(depth_of_vertex(to) - depth_of_vertex(from_));
+}
+
 // Depth where a ray hits the triangle of three vertices, from the weights of the last two, as a sum of two.
 fn depth_of_hit(ray: Ray, weights: real3, a: ViewVertex, b: ViewVertex, c: ViewVertex) -> vec2<f32> {
     let first = depth_of_vertex(a);
@@ -59,6 +64,11 @@ fn depth_of_hit(ray: Ray, weights: real3, a: ViewVertex, b: ViewVertex, c: ViewV
     let depth = (first - ray.origin) + rest;
     let hi = f32(depth);
     return vec2(hi, f32(depth - f64(hi)));
+}
+
+// Difference of two depths that are sums of two, rounded to f32.
+fn depth_after(from_: vec2<f32>, to: vec2<f32>) -> f32 {
+    return f32((f64(to.x) - f64(from_.x)) + (f64(to.y) - f64(from_.y)));
 }
 
 // Below this share of the product of the reaches (|x| + |y|) an edge function is computed again with the rounding errors of

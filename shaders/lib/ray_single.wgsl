@@ -81,6 +81,11 @@ fn depth_of_hit(ray: Ray, weights: real3, a: ViewVertex, b: ViewVertex, c: ViewV
     return two_sum(depth.x, depth.y + ((a.depth.y - ray.origin.y) + a.depth.z));
 }
 
+// Difference of two depths that are sums of two.
+fn depth_after(from_: vec2<f32>, to: vec2<f32>) -> f32 {
+    return opaque(to.x - from_.x) + opaque(to.y - from_.y);
+}
+
 // Below this share of the product of the reaches (|x| + |y|) an edge function is computed again with the rounding errors of
 // its products: above it the plain value is right to 2^-11 of itself.
 const CAREFUL: real = 1.0 / 4096.0;

@@ -48,7 +48,7 @@ pub(super) struct SceneArgs {
     /// its cameras
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
     pub(super) camera: Option<String>,
-    /// auto (raycast, or havs for a --lod below 1), raycast, havs (faces through a k-buffer), points (cell by cell, on the CPU; docs/points.md),
+    /// auto (raycast, or havs for a --lod below 1), raycast, havs (faces through a k-buffer), points (cell by cell; docs/points.md),
     /// or reference (float64, slow)
     #[arg(long, value_name = "MODE", default_value = "auto")]
     pub(super) mode: RenderMode,
@@ -159,9 +159,6 @@ impl SceneArgs {
             }
             if style.footprint == Footprint::Exact && style.radius != 1.0 {
                 bail!("--point-radius {} scales square, circle and ellipse; choose one with --footprint", style.radius);
-            }
-            if self.backend == Backend::Gpu {
-                bail!("--mode points is drawn on the CPU only; leave --backend gpu out");
             }
             return Ok(());
         }

@@ -136,8 +136,8 @@ impl Renderers {
         let primitive = match by {
             DrawnBy::Raycast => Some(Primitive::Cells),
             DrawnBy::Faces(_) => Some(Primitive::Faces),
-            DrawnBy::Points(_) if backend == Backend::Gpu => return Err(RenderError::PointsOnGpu),
-            DrawnBy::Points(_) | DrawnBy::Reference => None,
+            DrawnBy::Points(_) => Some(Primitive::Points),
+            DrawnBy::Reference => None,
         };
         if primitive.is_some() {
             self.check(backend)?;

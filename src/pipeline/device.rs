@@ -26,4 +26,6 @@ pub(super) enum Primitive {
     Cells,
     /// Faces, in depth order.
     Faces,
+    /// Cells as points.
+    Points,
 }

@@ -21,7 +21,7 @@ pub enum RenderMode {
     Raycast,
     /// Faces through a k-buffer, [`crate::render::cpu::havs`], at any level of detail.
     Havs,
-    /// Cells as points, [`crate::render::cpu::points`], on the CPU.
+    /// Cells as points, [`crate::render::cpu::points`].
     Points,
     /// Float64 reference, [`mod@crate::render::reference`]; on the CPU whatever the backend.
     Reference,
@@ -88,7 +88,7 @@ pub enum TetDraw {
     Raycast,
     /// Faces of the cells, all or some, through a k-buffer: [`crate::render::cpu::havs`].
     Faces(FaceDetail),
-    /// Cells as points, all or some, on the CPU: [`crate::render::cpu::points`].
+    /// Cells as points, all or some: [`crate::render::cpu::points`].
     Points(PointStyle),
     /// All cells, by the float64 reference, [`mod@crate::render::reference`]; on the CPU whatever the backend.
     Reference,

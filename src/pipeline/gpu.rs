@@ -6,7 +6,9 @@ use crate::camera::View;
 use crate::mesh::Mesh;
 use crate::render::gpu::context::{Context, ContextOptions};
 use crate::render::gpu::havs::Havs;
+use crate::render::gpu::points::Points;
 use crate::render::gpu::raycast::Raycast;
+use crate::render::points::PointStyle;
 use crate::render::surfaces::SurfaceScene;
 use crate::render::{Contrast, Frame, RenderError, RenderJob, Renderer};
 use std::sync::Arc;
@@ -19,18 +21,20 @@ struct Renderers {
     context: Arc<Context>,
     raycast: Option<Raycast>,
     havs: Option<Havs>,
+    points: Option<Points>,
 }
 
 impl Renderers {
     fn new(context: Arc<Context>) -> Box<Self> {
-        Box::new(Self { context, raycast: None, havs: None })
+        Box::new(Self { context, raycast: None, havs: None, points: None })
     }
 
-    /// The renderer of faces or of cells.
+    /// The renderer of a primitive.
     fn of(&mut self, primitive: Primitive) -> &mut dyn Renderer {
         let context = || self.context.clone();
         match primitive {
             Primitive::Faces => self.havs.get_or_insert_with(|| Havs::new(context())),
+            Primitive::Points => self.points.get_or_insert_with(|| Points::new(context())),
             Primitive::Cells => self.raycast.get_or_insert_with(|| Raycast::new(context())),
         }
     }
@@ -41,7 +45,9 @@ struct Beyond {
     mesh: Arc<Mesh>,
     view: View,
     primitive: Primitive,
-    faces: usize,
+    elements: usize,
+    /// How its points are drawn.
+    style: Option<PointStyle>,
     /// Number of values of its joint table.
     joint_values: usize,
     extras: [bool; 7],
@@ -50,15 +56,16 @@ struct Beyond {
 
 impl Beyond {
     fn new(job: RenderJob, primitive: Primitive, error: RenderError) -> Self {
-        let (faces, joint_values, extras) = (faces_of(&job), joint_values_of(&job), extras_of(&job));
+        let (elements, joint_values, extras) = (elements_of(&job), joint_values_of(&job), extras_of(&job));
+        let style = style_of(&job);
         let RenderJob { mesh, view, .. } = job;
-        Self { mesh, view, primitive, faces, joint_values, extras, error }
+        Self { mesh, view, primitive, elements, style, joint_values, extras, error }
     }
 
     /// Whether a job would be beyond the GPU too.
     fn holds_for(&self, job: &RenderJob, primitive: Primitive) -> bool {
-        let is_same = self.view == job.view && self.primitive == primitive && self.faces == faces_of(job);
-        let is_same = is_same && self.extras == extras_of(job);
+        let is_same = self.view == job.view && self.primitive == primitive && self.elements == elements_of(job);
+        let is_same = is_same && self.extras == extras_of(job) && self.style == style_of(job);
         Arc::ptr_eq(&self.mesh, &job.mesh) && is_same && self.joint_values == joint_values_of(job)
     }
 }
@@ -75,13 +82,18 @@ fn extras_of(job: &RenderJob) -> [bool; 7] {
     [job.fragments.is_some(), job.surfaces.is_some(), is_cut, lights_volume, is_colored, has_contrasts, of_cells]
 }
 
+fn style_of(job: &RenderJob) -> Option<PointStyle> {
+    job.points.as_ref().map(|points| points.style)
+}
+
 fn joint_values_of(job: &RenderJob) -> usize {
     job.joint.as_ref().map_or(0, |scene| scene.table.values().len())
 }
 
-/// Number of faces that a job draws.
-fn faces_of(job: &RenderJob) -> usize {
-    job.faces.as_ref().map_or(0, |drawn| drawn.ids.len())
+/// Number of faces, or of points, that a job draws.
+fn elements_of(job: &RenderJob) -> usize {
+    let points = job.points.as_ref().map(|points| &points.cells);
+    job.faces.as_ref().or(points).map_or(0, |drawn| drawn.ids.len())
 }
 
 /// The GPU that frames are rendered on, if there is one.
@@ -252,7 +264,6 @@ impl Gpu {
                 | RenderError::NoFaces
                 | RenderError::NoSuchFace { .. }
                 | RenderError::NoPoints
-                | RenderError::PointsOnGpu
                 | RenderError::NoSuchCell { .. }
                 | RenderError::BadPoints(_)
                 | RenderError::JointValueCount { .. }

@@ -4,10 +4,12 @@ use super::super::backend::Renderers;
 use super::*;
 use crate::camera::{Camera, Projection};
 use crate::mesh::RawMesh;
+use crate::mesh::test_meshes::cloud;
 use crate::node_table::{Node, NodeTable};
 use crate::pipeline::DrawnBy;
 use crate::pipeline::preparation::Ordered;
 use crate::render::gpu::test_common as common;
+use crate::render::points::Compositing;
 use crate::render::testing;
 use glam::DVec3;
 
@@ -73,4 +75,30 @@ fn rays_that_contrast_asks_for_beyond_the_gpu_do_not_keep_all_rays_from_it() {
     assert!(matches!(renderers.gpu.problem(), Some(RenderError::BeyondGpu { .. })));
     assert!(renderers.render(exact, Backend::Auto).unwrap().unwrap().stats.on_gpu);
     assert!(renderers.gpu.problem().is_none());
+}
+
+#[test]
+fn a_cloud_beyond_the_gpu_in_one_style_is_drawn_there_in_another() {
+    let context = match Context::new(&ContextOptions::default()) {
+        Ok(context) => context,
+        Err(why) => return common::skip("gpu", &why.to_string()),
+    };
+    let mut renderers = Renderers::default();
+    renderers.gpu.choose(ContextOptions { adapter: context.adapter().name.clone(), ..Default::default() });
+    let Ordered { job, .. } = one_tet();
+    // Volumes of 1e36 times those of the balls: f32 has no such thickness.
+    let mesh = cloud(&[(DVec3::ZERO, 0.3), (DVec3::splat(0.5), 0.3)], &[1e35; 2]);
+    let camera = Camera::default_for(mesh.frame()).unwrap();
+    let job = testing::job(&mesh, vec![0.5; 2], &camera, (32, 24), job.table);
+    let of = |compositing| {
+        let style = PointStyle { compositing, ..PointStyle::BALLS };
+        let (job, by) = (testing::with_points(&job, style), DrawnBy::Points(style));
+        Ordered { job, by, on_image: None, enlarge: None, add_details: None }
+    };
+    let own = renderers.render(of(Compositing::Own), Backend::Auto).unwrap().unwrap();
+    assert!(!own.stats.on_gpu && own.planes.color.pixels.iter().any(|p| p[3] > 0.9));
+    assert!(matches!(renderers.gpu.problem(), Some(RenderError::BeyondGpu { .. })));
+    let refused = renderers.render(of(Compositing::Own), Backend::Gpu).map(|_| ()).unwrap_err();
+    assert!(refused.to_string().contains("backend cpu"), "{refused}");
+    assert!(renderers.render(of(Compositing::Gap), Backend::Gpu).unwrap().unwrap().stats.on_gpu);
 }

@@ -79,7 +79,8 @@ mod tests {
     use crate::camera::Camera;
     use crate::node_table::{Node, NodeTable};
     use crate::pipeline::{Backend, FrameRequest, Pipeline, TetDraw, test_series};
-    use crate::render::RenderError;
+    #[cfg(feature = "gpu")]
+    use crate::render::Frame;
     use crate::render::points::{Compositing, Footprint};
     use crate::visibility::Skip;
 
@@ -162,11 +163,8 @@ mod tests {
     }
 
     #[test]
-    fn points_are_refused_on_the_gpu_and_with_isosurfaces_where_they_are_not_the_cells() {
+    fn points_are_refused_with_isosurfaces_where_they_are_not_the_cells() {
         let mut pipeline = Pipeline::new(test_series::jet());
-        let on_gpu = FrameRequest { backend: Backend::Gpu, ..request(ELLIPSE) };
-        let said = pipeline.render(&on_gpu).unwrap_err();
-        assert!(matches!(said, PipelineError::Render(RenderError::PointsOnGpu)), "{said}");
         let iso = crate::render::surfaces::Isosurface::new(0.5);
         let with_iso = |style| request(style).with_tets(|tets| tets.surfaces = vec![iso]);
         assert!(pipeline.render(&with_iso(ELLIPSE)).unwrap_err().to_string().contains("footprint exact"));
@@ -174,5 +172,39 @@ mod tests {
         let walked = pipeline.render(&with_iso(PointStyle::EXACT).with_draw(TetDraw::Raycast)).unwrap();
         let apart = exact.planes.color.pixels.iter().flatten().zip(walked.planes.color.pixels.iter().flatten());
         assert!(apart.fold(0.0f32, |most, (a, b)| most.max((a - b).abs())) < 1e-4);
+    }
+
+    #[cfg(feature = "gpu")]
+    #[test]
+    fn the_gpu_draws_the_points_that_it_is_asked_for_and_the_cpu_those_that_it_cannot() {
+        let mut pipeline = Pipeline::new(test_series::jet());
+        if pipeline.check_backend(Backend::Gpu).is_err() {
+            return;
+        }
+        let apart = |a: &Frame, b: &Frame| {
+            let channels = a.planes.color.pixels.iter().flatten().zip(b.planes.color.pixels.iter().flatten());
+            channels.fold(0.0f32, |most, (a, b)| most.max((a - b).abs()))
+        };
+        for style in [PointStyle::EXACT, ELLIPSE, PointStyle { lod: 0.5, ..ELLIPSE }] {
+            let expected = pipeline.render(&request(style)).unwrap().clone();
+            let found = pipeline.render(&FrameRequest { backend: Backend::Gpu, ..request(style) }).unwrap().clone();
+            assert!(found.stats.on_gpu && !expected.stats.on_gpu);
+            assert_eq!(found.stats.points_drawn, expected.stats.points_drawn);
+            // The bound of all renderers; points of another shape are further away.
+            assert!(apart(&found, &expected) <= 1e-3, "{style:?}: {}", apart(&found, &expected));
+            let other = PointStyle { radius: 0.5, footprint: Footprint::Circle, ..style };
+            assert!(apart(&found, pipeline.render(&request(other)).unwrap()) > 1e-3);
+        }
+        let lit = request(PointStyle::EXACT).with_tets(|tets| tets.shading.volume = true);
+        let constant = [PointStyle::EXACT, ELLIPSE].map(|of| request(PointStyle { constant_scalar: true, ..of }));
+        let constant = constant.map(|request| ("one scalar in each cell", request));
+        for (what, request) in [("light on the volume", lit)].into_iter().chain(constant) {
+            let by = |backend| FrameRequest { backend, ..request.clone() };
+            let refused = pipeline.render(&by(Backend::Gpu)).unwrap_err();
+            assert!(refused.to_string().contains(what), "{refused}");
+            let expected = pipeline.render(&by(Backend::Cpu)).unwrap().planes.clone();
+            let found = pipeline.render(&by(Backend::Auto)).unwrap();
+            assert!(!found.stats.on_gpu && found.planes == expected, "{what}");
+        }
     }
 }

@@ -122,7 +122,7 @@ impl Decode {
         let region_values = self.region_fields.values(series, &layer, request.time, cancel, &mut stats)?;
         let known = needed.map(|needed| needed.labels).unwrap_or_default();
         stats.chunks_skipped = known.iter().filter(|label| label.is_some()).count() as u64;
-        let is_for_gpu = request.backend != Backend::Cpu && !matches!(by, DrawnBy::Points(_) | DrawnBy::Reference);
+        let is_for_gpu = request.backend != Backend::Cpu && by != DrawnBy::Reference;
         let compressed = if is_for_gpu { series.compressed(request.time)? } else { None };
         stats.ms_decode = started.elapsed().as_secs_f64() * 1e3;
         Ok(Decoded { layer, by, scalars, compressed, transparent, colors, beside, region_values, known, stats })

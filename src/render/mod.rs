@@ -3,7 +3,7 @@
 //! A [`RenderJob`] holds everything that a frame depends on; a [`Renderer`] turns it into a [`Frame`], in slices if asked to. Each
 //! renderer is a [`LayerRenderer`], which draws, in a [`FrameRun`], which has the clock, the frame and all else that renderers share.
 //! [`reference`](mod@reference) is the float64 ground truth; [`cpu::raycast`] the full-quality path on the CPU, [`cpu::havs`] draws all
-//! or some faces, [`cpu::points`] cells one by one; [`gpu`] has both, too. [`mod@probe`] finds the point visible at an image position.
+//! or some faces, [`cpu::points`] cells one by one; [`gpu`] has all three, too. [`mod@probe`] finds the point visible at an image position.
 
 mod adaptive;
 pub mod cpu;
@@ -259,9 +259,6 @@ pub enum RenderError {
     /// A point renderer has been given no cells.
     #[error("no cells were chosen for a renderer that draws cells as points")]
     NoPoints,
-    /// Points are asked of a GPU.
-    #[error("cells as points are drawn on the CPU only; choose backend auto or cpu, or another mode")]
-    PointsOnGpu,
     /// A cell to draw is not in the mesh.
     #[error("cell {cell} was to be drawn of a mesh of {cells} cells")]
     NoSuchCell {

@@ -1,4 +1,5 @@
-//! How cells are drawn as points: [`PointStyle`], and the cells of a job, [`PointScene`]. The renderer is [`cpu::points`](super::cpu::points).
+//! How cells are drawn as points: [`PointStyle`], and the cells of a job, [`PointScene`]. The renderers are [`cpu::points`](super::cpu::points)
+//! and `gpu::points`.
 
 use crate::mesh::Mesh;
 use crate::moments::CovDenominator;

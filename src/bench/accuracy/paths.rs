@@ -9,7 +9,7 @@ use crate::render::{Contrast, KBuffer};
 /// One way from scalars to pixels: a choice of all settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AccuracyPath {
-    /// Ray caster, face renderer or reference.
+    /// Ray caster, face renderer, points or reference.
     pub mode: RenderMode,
     /// CPU or GPU.
     pub backend: Backend,
@@ -58,6 +58,8 @@ const RAYS: AccuracyPath = AccuracyPath {
     contrast: None,
 };
 const FACES: AccuracyPath = AccuracyPath { mode: RenderMode::Havs, ..RAYS };
+/// All cells as points, each by itself, exactly.
+const POINTS: AccuracyPath = AccuracyPath { mode: RenderMode::Points, ..RAYS };
 /// The reference with the table instead of the formula: the error of the table itself.
 const REFERENCE_TABLE: AccuracyPath = AccuracyPath { mode: RenderMode::Reference, ..RAYS };
 
@@ -84,7 +86,7 @@ fn upsamplings() -> impl Iterator<Item = Upsampling> {
 
 /// All paths on these backends.
 pub fn paths(backends: &[Backend]) -> Vec<AccuracyPath> {
-    let mut all = vec![RAYS, FACES, REFERENCE_TABLE];
+    let mut all = vec![RAYS, FACES, POINTS, REFERENCE_TABLE];
     all.extend([RAYS, FACES].map(|path| AccuracyPath { optics: OpticsKind::Partial, ..path }));
     all.push(AccuracyPath { optics: OpticsKind::Table3d, ..FACES });
     all.extend(TABLE_SIZES.map(|table_scalars| AccuracyPath { optics: OpticsKind::Table3d, table_scalars, ..RAYS }));
@@ -137,6 +139,8 @@ impl AccuracyPath {
         match (self.mode, self.backend) {
             (RenderMode::Havs, Backend::Gpu) => "havs on the GPU",
             (RenderMode::Havs, _) => "havs",
+            (RenderMode::Points, Backend::Gpu) => "points on the GPU",
+            (RenderMode::Points, _) => "points",
             (RenderMode::Reference, _) => "reference by the table",
             (_, Backend::Gpu) => "raycast on the GPU",
             _ => "raycast",
@@ -170,6 +174,7 @@ mod tests {
         }
         CODEC_PATHS.into_iter().for_each(has);
         has(REFERENCE_TABLE);
+        has(POINTS);
     }
 
     #[test]
@@ -184,6 +189,7 @@ mod tests {
                 assert!(on_gpu >= 1, "{optics} {mode:?}");
             }
         }
+        assert!(gpu.iter().any(|path| path.mode == RenderMode::Points));
         assert!(gpu.iter().any(|path| path.lod == 0.05) && gpu.iter().any(|path| path.upsampling == HALF));
         let contrasts = gpu.iter().filter(|path| path.contrast.is_some()).count();
         assert_eq!(contrasts, CONTRASTS.len());

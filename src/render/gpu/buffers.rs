@@ -20,7 +20,7 @@ pub(super) const NUMBERS_PER_VERTEX: usize = VIEW_VERTEX_BYTES as usize / size_o
 
 /// A buffer that is reallocated only when it is too small.
 #[derive(Debug)]
-pub(super) struct GrowingBuffer {
+pub struct GrowingBuffer {
     /// The resource that it is bound as; `None` for read-back.
     resource: Option<Resource>,
     label: &'static str,

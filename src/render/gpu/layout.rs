@@ -40,17 +40,17 @@ pub mod flags {
     /// All cells are active.
     pub const ALL_ACTIVE: u32 = 4;
 
-    /// In [`FaceParams::flags`](super::FaceParams): all faces of the active cells are drawn.
+    /// In [`ListParams::flags`](super::ListParams): all faces of the active cells are drawn.
     pub const COMPLETE: u32 = 1;
-    /// In [`FaceParams::flags`](super::FaceParams): fragments are sorted completely by depth.
+    /// In [`ListParams::flags`](super::ListParams): fragments are sorted completely by depth.
     pub const EXACT_ORDER: u32 = 2;
 }
 
 /// Number of fragments above which those of a pixel are sorted before the resolve stage.
 pub const DEEP: u32 = 1024;
 
-/// Faces per workgroup of stage `faces`.
-pub const FACES_PER_GROUP: u32 = 64;
+/// Elements (faces, or cells as points) per workgroup of the stage that finds fragments.
+pub const ELEMENTS_PER_GROUP: u32 = 64;
 
 /// Pixels of a tile.
 pub const TILE_PIXELS: usize = TILE_PX * TILE_PX;
@@ -58,22 +58,25 @@ pub const TILE_PIXELS: usize = TILE_PX * TILE_PX;
 /// Words of a face: corners, ascending; the cells in front of it and behind it for a ray that sees them counter-clockwise.
 pub const FACE_WORDS: usize = 5;
 
-/// Words of a cell at the eye, for the face renderer: the cell, bits (`shaders/lib/faces.wgsl`), corners, ascending.
+/// Words of a cell at the eye, for the face renderer: the cell, bits (`shaders/lib/list_params.wgsl`), corners, ascending.
 pub const EYE_WORDS: usize = 6;
+/// Words of a cell at the eye that is a point: the cell, and the eye's sides of its faces.
+pub const POINT_EYE_WORDS: usize = 2;
 
-/// Bytes of a fragment: depth as a sum of two, scalar, rank, the cells left and entered.
+/// Bytes of a fragment: depth as a sum of two, scalar, rank; of a face the cells left and entered, of a point the scalar at its exit and its
+/// thickness.
 pub const FRAGMENT_BYTES: u64 = 24;
 
-/// Bytes of a fragment with a joint table: as above, then the value at vertices and a word of padding.
+/// Bytes of a fragment with a joint table: as above, then the value at vertices; of a point, at entry and exit.
 pub const JOINT_FRAGMENT_BYTES: u64 = 32;
 
-/// Words of a piece of a large face: the face's place in the list, a tile.
+/// Words of a piece of an element with a large box: the element's place in the list, a tile.
 pub const PIECE_WORDS: u64 = 2;
 
-/// Initial capacity for pieces of large faces, per tile: a few faces in all tiles.
+/// Initial capacity for pieces of large elements, per tile: a few elements in all tiles.
 pub const FIRST_PIECES_PER_TILE: u64 = 8;
 
-/// Offsets into the lists of the face renderer, in words (`shaders/lib/face_lists.wgsl`).
+/// Offsets into the lists of fragments, in words (`shaders/lib/fragment_lists.wgsl`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lists {
     /// Tiles of the image.
@@ -81,7 +84,7 @@ pub struct Lists {
 }
 
 impl Lists {
-    /// Words of the head; the first one is the number of pieces.
+    /// Words of the head: the number of pieces, of points without a pixel, and of points that were widened.
     pub const HEAD: u64 = 4;
 
     /// Offset of the fragment counts, one per tile.
@@ -100,21 +103,21 @@ impl Lists {
         Self::HEAD + 2 * self.tiles
     }
 
-    /// Offset of the pieces of large faces.
+    /// Offset of the pieces of large elements.
     pub fn pieces(self) -> u64 {
         self.pixels() + TILE_PIXELS as u64 * self.tiles
     }
 }
 
-/// Parameters of the face renderer's stages beyond [`Params`]; written for each slice.
+/// Parameters of the stages with lists of fragments beyond [`Params`]; written for each slice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct FaceParams {
-    /// Number of faces in the list.
+pub struct ListParams {
+    /// Number of elements in the list.
     pub drawn_count: u32,
     /// Number of cells at the eye; their records come behind the list.
     pub eye_count: u32,
-    /// First unit of the slice: face, piece or tile.
+    /// First unit of the slice: element, piece or tile.
     pub first: u32,
     /// Unit behind the last one of the slice.
     pub end: u32,

@@ -4,10 +4,10 @@
 //! and [`shaders`] are plain data and text: they are compiled, and tested against each other, without a GPU and without wgpu.
 //!
 //! `context` holds adapter, device and queue, collects the errors that wgpu reports asynchronously, and tells when the device is lost.
-//! `raycast` is the twin of [`crate::render::cpu::raycast`], `havs` that of [`crate::render::cpu::havs`]. [`shaders`] composes the shaders
-//! from `shaders/lib/` and lists what each stage binds, by name: WGSL declarations, bind group layout and bind group all come from that
-//! list, and no file contains a binding number. Modules that both renderers use (vertex and scalar buffers, decoder, table, planes,
-//! read-back, slices) lie beside them.
+//! `raycast`, `havs` and `points` are the twins of the modules of these names in [`crate::render::cpu`]; `lists` is what the latter two
+//! share. [`shaders`] composes the shaders from `shaders/lib/` and lists what each stage binds, by name: WGSL declarations, bind group layout
+//! and bind group all come from that list, and no file contains a binding number. Modules that all renderers use (vertex and scalar buffers,
+//! decoder, table, planes, read-back, slices) lie beside them.
 //!
 //! | stage | file | a thread is |
 //! |---|---|---|
@@ -15,10 +15,10 @@
 //! | view transform | `view_transform.wgsl` | a vertex, or eight cells that have scalars |
 //! | entries | `entries_count.wgsl`, `entries_scan.wgsl`, `entries_store.wgsl` | an entry face; a part of the tiles; an entry face |
 //! | walk and composite | `walk.wgsl` with `lib/optics_intervals.wgsl` and `lib/optics_exact.wgsl` or `lib/optics_partial.wgsl`, or with `lib/optics_table3d.wgsl` or `lib/optics_joint.wgsl`; and `lib/surfaces.wgsl`, or `lib/cell_scalars.wgsl` or `lib/cell_joint.wgsl` | a pixel, a workgroup is a tile |
-//! | count, store (`havs`) | `faces.wgsl`, `face_pieces.wgsl`, `face_starts.wgsl` with `lib/fragments_count.wgsl` or `lib/fragments_store.wgsl` | a face; half a row of a tile; a pixel |
-//! | scan (`havs`) | `face_scan.wgsl` | a pixel, a workgroup is a tile |
-//! | sort (`havs`, pixels of more than 1,024 fragments) | `face_sort.wgsl` | a pair of fragments, a workgroup is a tile |
-//! | resolve (`havs`) | `face_resolve.wgsl` with optics and surfaces of the walk | a pixel, a workgroup is a tile |
+//! | count, store (`havs`, `points`) | `fragments_find.wgsl`, `fragments_pieces.wgsl` with `lib/face_hits.wgsl`, `lib/tet_hits.wgsl` or `lib/slab_hits.wgsl` (of `lib/slab_of_cell.wgsl` or `lib/slab_of_ball.wgsl`), and `lib/fragments_count.wgsl` or `lib/fragments_store.wgsl`; `face_starts.wgsl` | a face or a cell; half a row of a tile; a pixel |
+//! | scan (`havs`, `points`) | `fragments_scan.wgsl` | a pixel, a workgroup is a tile |
+//! | sort (of pixels of more than 1,024 fragments) | `fragments_sort.wgsl` | a pair of fragments, a workgroup is a tile |
+//! | resolve (`havs`, `points`) | `fragments_resolve.wgsl` with `lib/face_paths.wgsl` or `lib/point_light.wgsl`, optics and surfaces of the walk | a pixel, a workgroup is a tile |
 //!
 //! - **f32**, which is what every WGSL device has; f64 for the geometry of thin, visible cells where the device has it (`gpu::precision`).
 //!   View coordinates are sums of two f32 (x and y) or three (depth), products of 12-bit parts are exact, and edge functions that cancel
@@ -39,7 +39,7 @@
 //! - **Steady frames allocate nothing.** Buffers grow and stay; parameters are written to the same uniform buffer; bind groups are made anew
 //!   only with a buffer. Scalars, table and active cells are sent when they have changed. Images come back through a ring of buffers, so
 //!   that the GPU has the next slice while the last one is read.
-//! - **Slices.** `advance(budget)` submits as many tiles (faces, when these are counted or stored) as took that long before.
+//! - **Slices.** `advance(budget)` submits as many tiles (elements, when their fragments are counted or stored) as took that long before.
 //! - **Which GPU.** `pipeline::Backend`: `auto` takes a hardware adapter if there is one, software only by name, and the CPU for a job that
 //!   is beyond the GPU. After a loss the device is opened and the frame begun again, twice at most; then `gpu` returns the error, and
 //!   `auto` the frame from the CPU.
@@ -48,10 +48,14 @@
 //! the compiled shaders (naga, no GPU needed).
 
 pub mod layout;
+pub mod point_params;
 pub mod resources;
 mod shader_parts;
 pub mod shaders;
+pub mod variants;
 
+#[cfg(test)]
+mod layout_tests;
 #[cfg(test)]
 mod shader_tests;
 
@@ -74,7 +78,11 @@ mod joint;
 #[cfg(feature = "gpu")]
 mod layers;
 #[cfg(feature = "gpu")]
+mod lists;
+#[cfg(feature = "gpu")]
 mod pipelines;
+#[cfg(feature = "gpu")]
+pub mod points;
 #[cfg(feature = "gpu")]
 mod precision;
 #[cfg(feature = "gpu")]

@@ -8,8 +8,10 @@ use std::fmt;
 pub enum Resource {
     /// Parameters of a frame.
     Params,
-    /// Parameters of the face renderer.
-    FaceParams,
+    /// Parameters of lists of fragments.
+    ListParams,
+    /// Parameters of cells as points.
+    PointParams,
     /// Parameters of a step of codec `vq`.
     VqStep,
     /// Parameters of a pre-integrated table.
@@ -40,6 +42,8 @@ pub enum Resource {
     Records2,
     /// Vertices of the cells, for stages without records.
     Corners,
+    /// Radii of a cloud's points, and halves of their thicknesses.
+    Balls,
     /// Entry faces, and the cells at the eye.
     Items,
     /// One bit per cell.
@@ -50,7 +54,7 @@ pub enum Resource {
     Table,
     /// Counters of the tiles, eight each.
     Counters,
-    /// The faces that are drawn, and the cells at the eye.
+    /// The faces or cells that are drawn, and, with faces, the cells at the eye.
     Drawn,
     /// The first faces of the mesh.
     Faces0,
@@ -58,7 +62,7 @@ pub enum Resource {
     Faces1,
     /// The remaining faces.
     Faces2,
-    /// Fragments of each tile and pixel, and pieces of large faces: [`Lists`](super::layout::Lists).
+    /// Fragments of each tile and pixel, and pieces of large elements: [`Lists`](super::layout::Lists).
     Lists,
     /// The first fragments.
     Fragments0,
@@ -152,7 +156,8 @@ impl Resource {
         use Kind::{Plane, Storage, Texture, Uniform};
         match self {
             Self::Params => ("params", "parameters", Uniform("Params")),
-            Self::FaceParams => ("face_params", "parameters of the faces", Uniform("FaceParams")),
+            Self::ListParams => ("list_params", "parameters of the lists", Uniform("ListParams")),
+            Self::PointParams => ("point_params", "parameters of the points", Uniform("PointParams")),
             Self::VqStep => ("step", "parameters of the step", Uniform("VqStep")),
             Self::Table3dParams => ("table3d", "parameters of the table", Uniform("Table3dParams")),
             Self::JointParams => ("joint", "parameters of the table", Uniform("JointParams")),
@@ -168,12 +173,13 @@ impl Resource {
             Self::Records1 => ("records_1", "cells, second part", Storage("vec4<u32>")),
             Self::Records2 => ("records_2", "cells, third part", Storage("vec4<u32>")),
             Self::Corners => ("corners", "corners of the cells", Storage("vec4<u32>")),
+            Self::Balls => ("balls", "radii of the points", Storage("vec2<f32>")),
             Self::Items => ("items", "entry faces", Storage("u32")),
             Self::ActiveCells => ("active_cells", "active cells", Storage("u32")),
             Self::Bins => ("bins", "lists of entries", Storage("u32")),
             Self::Table => ("table", "table", Storage("vec4<f32>")),
             Self::Counters => ("counters", "counters", Storage("u32")),
-            Self::Drawn => ("drawn", "list of faces", Storage("u32")),
+            Self::Drawn => ("drawn", "list of what is drawn", Storage("u32")),
             Self::Faces0 => ("faces_0", "faces, first part", Storage("u32")),
             Self::Faces1 => ("faces_1", "faces, second part", Storage("u32")),
             Self::Faces2 => ("faces_2", "faces, third part", Storage("u32")),

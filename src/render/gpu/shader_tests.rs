@@ -1,29 +1,25 @@
-//! Every shader is compiled, and its structs compared with the Rust ones, without a GPU.
+//! Every shader is compiled, and held against what it says of itself, without a GPU.
 
-use super::layout::{
-    self, FaceParams, JointParams, LayerLists, Lists, Params, RayLists, RayParams, SheetParams, SurfaceParams,
-    UpsampleParams, VqStep,
-};
+use super::layout::{self};
 use super::resources::{Binding, Kind};
 use super::shaders::{
-    FragmentKind, Gathering, Inside, Moment, Pass, Precision, RECORD_PARTS_MAX, RecordSplit, Stage, Valued, stages,
+    Element, FragmentKind, Gathering, Inside, Moment, Pass, Precision, RECORD_PARTS_MAX, RecordSplit, Stage, Valued,
+    stages,
 };
 use crate::optics::OpticsKind;
-use crate::optics::table3d::Table3dParams;
-use std::mem::offset_of;
 
-const SPLITS: [RecordSplit; 2] =
+pub(super) const SPLITS: [RecordSplit; 2] =
     [RecordSplit { parts: 1, shift: 22 }, RecordSplit { parts: RECORD_PARTS_MAX, shift: 10 }];
 
 /// A compiled shader, with naga's analysis of it.
 type Checked = (naga::Module, naga::valid::ModuleInfo);
 
 /// Parses a shader and validates it for a WebGPU device without optional features.
-fn parse(source: &str) -> Result<naga::Module, String> {
+pub(super) fn parse(source: &str) -> Result<naga::Module, String> {
     parse_with(source, Precision::Single).map(|(module, _)| module)
 }
 
-fn parse_with(source: &str, precision: Precision) -> Result<Checked, String> {
+pub(super) fn parse_with(source: &str, precision: Precision) -> Result<Checked, String> {
     let optional = match precision {
         Precision::Single => naga::valid::Capabilities::empty(),
         Precision::Double => naga::valid::Capabilities::FLOAT64,
@@ -40,7 +36,7 @@ fn parse_stage(stage: Stage, split: RecordSplit) -> Result<naga::Module, String>
     parse_with(&stage.source(split), stage.precision()).map(|(module, _)| module)
 }
 
-fn module(stage: Stage) -> naga::Module {
+pub(super) fn module(stage: Stage) -> naga::Module {
     parse_stage(stage, SPLITS[0]).unwrap()
 }
 
@@ -55,7 +51,7 @@ fn every_shader_is_valid_and_has_its_entry_point() {
             checked += 1;
         }
     }
-    assert_eq!(checked, 2 * 129);
+    assert_eq!(checked, 2 * 187);
     // Only those in f64 need a device that has it.
     let double = Stage::Walk(Gathering::Scalar(OpticsKind::Exact), Inside::Volume, Precision::Double).source(SPLITS[0]);
     assert!(parse(&double).is_err());
@@ -121,9 +117,9 @@ fn shaders_bind_what_their_stages_describe_and_use_all_of_it() {
     // The comparison notices another place, another access, one more, and what is not used or not written.
     let more = "@group(0) @binding(3) var<uniform> more: u32;\n";
     for (stage, from, to) in [
-        (Stage::FaceScan, "@binding(1)", "@binding(5)"),
-        (Stage::FaceScan, "@group(0) @binding(1)", "@group(1) @binding(1)"),
-        (Stage::FaceScan, "fn add_up", &format!("{more}fn add_up")),
+        (Stage::FragmentScan, "@binding(1)", "@binding(5)"),
+        (Stage::FragmentScan, "@group(0) @binding(1)", "@group(1) @binding(1)"),
+        (Stage::FragmentScan, "fn add_up", &format!("{more}fn add_up")),
         (Stage::ViewTransform, "var<storage, read> positions", "var<storage, read_write> positions"),
         (Stage::DecodeVq(Moment::Step, Valued::Wholes), "scalars[i] = ", "let unused = "),
         (Stage::Present, "textureStore(screen, at.xy, textureLoad(color, at.xy, 0));", ""),
@@ -240,285 +236,6 @@ fn operators_are_mixed_as_browsers_take_it() {
     }
 }
 
-/// Name, offset and size of the members of a struct.
-fn members(module: &naga::Module, name: &str) -> (Vec<(String, usize)>, usize) {
-    let found = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name));
-    let Some((_, naga::Type { inner: naga::TypeInner::Struct { members, span }, .. })) = found else {
-        panic!("no struct {name}");
-    };
-    (members.iter().map(|m| (m.name.clone().unwrap(), m.offset as usize)).collect(), *span as usize)
-}
-
-#[test]
-fn structs_have_the_same_layout_in_rust_and_in_the_shaders() {
-    macro_rules! rust_offsets {
-        ($($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!(Params, $field))),*] };
-    }
-    let rust = rust_offsets!(
-        eye_hi,
-        eye_lo,
-        axes,
-        pitch,
-        depth_origin,
-        scalar_offset,
-        scalar_scale,
-        size_px,
-        tiles,
-        image_px,
-        stride_px,
-        near,
-        vertex_count,
-        face_count,
-        eye_count,
-        item_count,
-        pair_capacity,
-        first_tile,
-        flags,
-        interval_count,
-        pivot,
-        cell_count,
-        zero,
-    );
-    for stage in stages().filter(|stage| !matches!(stage, Stage::DecodeVq(..) | Stage::Present | Stage::SplitSlice)) {
-        let (shader, span) = members(&module(stage), "Params");
-        assert_eq!((&shader, span), (&rust, size_of::<Params>()), "{stage:?}");
-    }
-    // The comparison notices a renamed member.
-    let renamed = Stage::ViewTransform.source(SPLITS[0]).replacen("item_count: u32,", "item_counts: u32,", 1);
-    assert_ne!(members(&parse(&renamed).unwrap(), "Params").0, rust);
-    let (_, span) = members(&module(Stage::ViewTransform), "ViewVertex");
-    assert_eq!(span as u64, layout::VIEW_VERTEX_BYTES);
-    macro_rules! step_offsets {
-        ($($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!(VqStep, $field))),*] };
-    }
-    let rust_step = step_offsets!(
-        count,
-        row_8,
-        row_64,
-        means,
-        exponents,
-        first,
-        second,
-        per_word_log2,
-        weight,
-        zero,
-        weight_before,
-        unused,
-    );
-    for stage in stages().filter(|stage| matches!(stage, Stage::DecodeVq(..))) {
-        assert_eq!(members(&module(stage), "VqStep"), (rust_step.clone(), size_of::<VqStep>()), "{stage:?}");
-    }
-}
-
-#[test]
-fn the_parameters_of_the_face_renderer_have_the_same_layout() {
-    macro_rules! rust_offsets {
-        ($($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!(FaceParams, $field))),*] };
-    }
-    let rust = rust_offsets!(
-        drawn_count,
-        eye_count,
-        first,
-        end,
-        first_tile,
-        end_tile,
-        first_pixel,
-        end_pixel,
-        face_part,
-        fragment_part,
-        piece_capacity,
-        k,
-        tie,
-        flags,
-        sort_mask,
-        unused,
-    );
-    let mut checked = 0;
-    for stage in stages().filter(|stage| stage.name().starts_with("face")) {
-        assert_eq!(members(&module(stage), "FaceParams"), (rust.clone(), size_of::<FaceParams>()), "{stage:?}");
-        checked += 1;
-    }
-    assert_eq!(checked, 59);
-}
-
-/// A constant of a shader.
-fn constant(module: &naga::Module, name: &str) -> f64 {
-    let (_, constant) = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name)).unwrap();
-    match module.global_expressions[constant.init] {
-        naga::Expression::Literal(naga::Literal::U32(v)) => f64::from(v),
-        naga::Expression::Literal(naga::Literal::F32(v)) => f64::from(v),
-        ref other => panic!("{name}: {other:?}"),
-    }
-}
-
-#[test]
-fn constants_are_the_same_in_rust_and_in_the_shaders() {
-    let value = |stage: Stage, name: &str| constant(&module(stage), name);
-    let walk = Stage::Walk(Gathering::Scalar(OpticsKind::Exact), Inside::Volume, Precision::Single);
-    let resolve = Stage::FaceResolve(Gathering::Scalar(OpticsKind::Exact), Inside::Volume, Precision::Single);
-    for (name, rust) in [
-        ("TILE_PIXELS", layout::TILE_PIXELS as f64),
-        ("FACE_WORDS", layout::FACE_WORDS as f64),
-        ("EYE_WORDS", layout::EYE_WORDS as f64),
-        ("FRAGMENT_PAIRS", layout::FRAGMENT_BYTES as f64 / 8.0),
-        ("PIECE_WORDS", layout::PIECE_WORDS as f64),
-        ("DEEP", f64::from(layout::DEEP)),
-        ("LISTS_HEAD", Lists::HEAD as f64),
-        ("COMPLETE", f64::from(layout::flags::COMPLETE)),
-        ("EXACT_ORDER", f64::from(layout::flags::EXACT_ORDER)),
-        ("COUNTERS", layout::COUNTERS as f64),
-    ] {
-        assert_eq!(value(resolve, name), rust, "{name}");
-    }
-    let sort = |kind| value(Stage::FaceSort(kind), "FRAGMENT_PAIRS");
-    let joint_pairs = layout::JOINT_FRAGMENT_BYTES as f64 / 8.0;
-    assert_eq!(sort(FragmentKind::Joint), joint_pairs);
-    assert_eq!(value(Stage::FaceSort(FragmentKind::Plain), "JOINT_PAIRS"), joint_pairs);
-    assert_ne!(sort(FragmentKind::Plain), joint_pairs);
-    for (name, rust) in [
-        ("TILE_PX", layout::TILE_PX as f64),
-        ("PAIR_WORDS", layout::PAIR_WORDS as f64),
-        ("PLANE_SCALE", layout::PLANE_SCALE),
-        ("PERSPECTIVE", f64::from(layout::flags::PERSPECTIVE)),
-        ("EARLY_TERMINATION", f64::from(layout::flags::EARLY_TERMINATION)),
-        ("ALL_ACTIVE", f64::from(layout::flags::ALL_ACTIVE)),
-        ("COUNTERS", layout::COUNTERS as f64),
-        ("NOWHERE", f64::from(layout::FAR)),
-        ("OPAQUE", f64::from(crate::optics::OPAQUE_TRANSMITTANCE)),
-        ("NONE", f64::from(crate::mesh::NONE)),
-    ] {
-        assert_eq!(value(walk, name), rust, "{name}");
-    }
-}
-
-#[test]
-fn the_lists_of_rays_have_the_same_layout() {
-    macro_rules! rust_offsets {
-        ($($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!(RayParams, $field))),*] };
-    }
-    let rust = rust_offsets!(contrast, listed_at, met_at, list_at, states_at);
-    let walk = Stage::WalkRays(Gathering::Joint, Inside::Surfaces, Precision::Single);
-    for stage in [walk, Stage::SplitDecide, Stage::SplitAppend, Stage::Fill] {
-        assert_eq!(members(&module(stage), "RayParams"), (rust.clone(), size_of::<RayParams>()), "{stage:?}");
-    }
-    let slice = module(Stage::SplitSlice);
-    for (name, rust) in [
-        ("LISTED", RayLists::LISTED),
-        ("STEP", RayLists::STEP),
-        ("IS_DONE", RayLists::IS_DONE),
-        ("PAIRS", RayLists::PAIRS),
-        ("GROUPS_LEFT", RayLists::GROUPS_LEFT),
-        ("GROUPS_DONE", RayLists::GROUPS_DONE),
-        ("RAYS_BY_LEVEL", RayLists::RAYS_BY_LEVEL),
-        ("BLOCKS", RayLists::BLOCKS),
-        ("SUMS", RayLists::SUMS),
-        ("LAST_STEP", RayLists::STEPS),
-        ("GROUP_RAYS", RayLists::GROUP_RAYS),
-    ] {
-        assert_eq!(constant(&slice, name), rust as f64, "{name}");
-    }
-    // What stays from contrast to contrast comes first, and sums of two words last.
-    assert!(["LISTED", "COUNTED", "CAST"].into_iter().all(|name| constant(&slice, name) < RayLists::STEP as f64));
-    assert_eq!(RayLists::HEAD, RayLists::SUMS + 2 * layout::COUNTERS);
-}
-
-#[test]
-fn what_depth_layers_and_filters_are_given_has_the_same_layout() {
-    macro_rules! rust_offsets {
-        ($($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!(UpsampleParams, $field))),*] };
-    }
-    let rust = rust_offsets!(small_px, samples_per_pixel, half_px, domain_per_square, reference_per_square, unused);
-    let mut checked = 0;
-    for stage in stages().filter(|stage| stage.name().starts_with("upsample")) {
-        let found = members(&module(stage), "UpsampleParams");
-        assert_eq!(found, (rust.clone(), size_of::<UpsampleParams>()), "{stage:?}");
-        checked += 1;
-    }
-    assert_eq!(checked, 5);
-    for stage in [Stage::LayersPlan, Stage::LayersRange, Stage::LayersReference] {
-        let module = module(stage);
-        assert_eq!(members(&module, "FaceParams").1, size_of::<FaceParams>(), "{stage:?}");
-        for (name, rust) in [
-            ("PIECE_COUNT", LayerLists::PIECE_COUNT),
-            ("PIECES_FROM", LayerLists::PIECES_FROM),
-            ("PIECES_TO", LayerLists::PIECES_TO),
-            ("LISTS_HEAD", LayerLists::HEAD as usize),
-        ] {
-            assert_eq!(constant(&module, name), rust as f64, "{name}");
-        }
-    }
-    let missing = constant(&module(Stage::LayersReference), "MISSING");
-    assert_eq!(missing, f64::from(crate::render::cpu::layers::MISSING));
-    let joint2x2 = module(Stage::UpsampleJoint2x2);
-    assert_eq!(constant(&joint2x2, "LEAST_SUM") as f32, crate::image::upsample::LEAST_SUM);
-    assert_eq!(constant(&joint2x2, "COUNTERS"), layout::COUNTERS as f64);
-}
-
-#[test]
-fn the_parameters_of_the_pre_integrated_table_have_the_same_layout() {
-    macro_rules! rust_offsets {
-        ($($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!(Table3dParams, $field))),*] };
-    }
-    let rust = rust_offsets!(
-        below,
-        above,
-        scalar_lo,
-        scalar_lo_rest,
-        scalar_hi,
-        scalar_hi_rest,
-        intervals_per_scalar,
-        length_max,
-        scalars,
-        lengths,
-    );
-    let shader = members(
-        &module(Stage::Walk(Gathering::Scalar(OpticsKind::Table3d), Inside::Volume, Precision::Single)),
-        "Table3dParams",
-    );
-    assert_eq!(shader, (rust, size_of::<Table3dParams>()));
-}
-
-#[test]
-fn the_parameters_of_a_grid_have_the_same_layout() {
-    macro_rules! rust_offsets {
-        ($($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!(JointParams, $field))),*] };
-    }
-    let rust = rust_offsets!(
-        scalar_intervals,
-        scalar_count,
-        row_intervals,
-        row_count,
-        values,
-        columns,
-        layer_values,
-        cells,
-        cell_count,
-    );
-    for stage in [
-        Stage::Walk(Gathering::Joint, Inside::Volume, Precision::Single),
-        Stage::FaceResolve(Gathering::Joint, Inside::Volume, Precision::Single),
-    ] {
-        assert_eq!(members(&module(stage), "JointParams"), (rust.clone(), size_of::<JointParams>()), "{stage:?}");
-    }
-}
-
-#[test]
-fn the_parameters_of_surfaces_have_the_same_layout() {
-    macro_rules! rust_offsets {
-        ($of:ident: $($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!($of, $field))),*] };
-    }
-    let rust = rust_offsets!(SurfaceParams: light, count, normals, is_headlight, gradients, has_volume, sheets);
-    let rust_sheet = rust_offsets!(SheetParams: front, back);
-    for how in Gathering::ALL {
-        let inside = Inside::Surfaces;
-        for stage in [Stage::Walk(how, inside, Precision::Single), Stage::FaceResolve(how, inside, Precision::Double)] {
-            let (module, _) = parse_with(&stage.source(SPLITS[0]), stage.precision()).unwrap();
-            assert_eq!(members(&module, "Surfaces"), (rust.clone(), size_of::<SurfaceParams>()), "{stage:?}");
-            assert_eq!(members(&module, "Sheet"), (rust_sheet.clone(), size_of::<SheetParams>()), "{stage:?}");
-        }
-    }
-}
-
 /// Whether a function of a shader has statements.
 fn is_empty(stage: Stage, function: &str) -> bool {
     let module = module(stage);
@@ -533,11 +250,9 @@ fn frames_without_surfaces_have_none_of_their_code() {
     let has = |stage: Stage, name: &str| stage.source(SPLITS[0]).contains(name);
     for stage in stages() {
         let inside = match stage {
-            Stage::Walk(_, inside, _) | Stage::WalkRays(_, inside, _) | Stage::FaceResolve(_, inside, _) => {
-                Some(inside)
-            }
-            Stage::Faces(Pass::Store(_, inside), _)
-            | Stage::FacePieces(Pass::Store(_, inside), _)
+            Stage::Walk(_, inside, _) | Stage::WalkRays(_, inside, _) | Stage::Resolve(_, _, inside, _) => Some(inside),
+            Stage::Find(_, Pass::Store(_, inside), _)
+            | Stage::FindPieces(_, Pass::Store(_, inside), _)
             | Stage::FaceStarts(Pass::Store(_, inside), _) => {
                 assert_eq!(has(stage, "clamp(scalar"), inside == Inside::Surfaces, "{stage:?}");
                 None
@@ -557,7 +272,7 @@ fn frames_without_surfaces_have_none_of_their_code() {
     let reads_cells = |inside| has(walk(inside), "number_behind_vertices(cell)");
     assert_eq!(Inside::ALL.map(reads_cells), [false, false, true]);
     // With a joint table, the values of its rows too; and fragments have none.
-    let joint = Stage::FaceResolve(Gathering::Joint, Inside::Cells, Precision::Single);
+    let joint = Stage::Resolve(Element::Face, Gathering::Joint, Inside::Cells, Precision::Single);
     let of_rows = "params.cell_count + 7u) / 8u * 8u + cell)";
     assert!(has(joint, of_rows) && !has(walk(Inside::Cells), of_rows));
     assert!(has(joint, &format!("FRAGMENT_PAIRS: u32 = {}u;", layout::FRAGMENT_BYTES / 8)));

@@ -1,169 +1,10 @@
 //! The stages: their bindings, and their shaders, composed from parts. No other module knows the parts of a stage.
 
-use super::layout::{FRAGMENT_BYTES, JOINT_FRAGMENT_BYTES};
+pub use super::variants::{Element, FragmentKind, Gathering, Inside, Moment, Pass, Precision, Toward, Valued};
+
 use super::resources::{Binding, Resource, declarations};
 use super::shader_parts as lib;
-use crate::field::Scalars;
 use crate::optics::OpticsKind;
-use crate::render::RenderJob;
-
-/// Number type of the rays' planar geometry and of depths.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Precision {
-    /// f32, and sums of two: within WebGPU's defaults.
-    #[default]
-    Single,
-    /// f64, an optional feature of devices.
-    Double,
-}
-
-/// What a pass over the faces does with the fragments that it finds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pass {
-    /// Counts them per pixel.
-    Count,
-    /// Stores them.
-    Store(FragmentKind, Inside),
-    /// Keeps the nearest depths of each pixel, for faces of the boundary.
-    Layers,
-}
-
-/// What the decoder writes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Moment {
-    /// The scalars of a step.
-    Step,
-    /// A mixture of the scalars of a step with those that have been written before it.
-    Mixture,
-}
-
-/// What has the values of a block that is decoded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Valued {
-    /// The vertices, or the cells.
-    Each,
-    /// Cells of the source, of which several cells of the mesh are parts.
-    Wholes,
-}
-
-/// Destination of a bilinearly enlarged image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Toward {
-    /// The frame.
-    Image,
-    /// The input of the joint filter.
-    Filter,
-}
-
-/// Contents of a fragment.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FragmentKind {
-    /// Depth, scalar, cells.
-    Plain,
-    /// As `Plain`, and the value at vertices, for a joint table over these.
-    Joint,
-}
-
-impl FragmentKind {
-    /// The kind of a job's fragments.
-    pub fn of(job: &RenderJob) -> Self {
-        Self::integrated(Gathering::of(job), Inside::of(job))
-    }
-
-    /// The kind of fragments that are integrated so. Values of cells are none of their faces'.
-    fn integrated(how: Gathering, inside: Inside) -> Self {
-        match (how, inside) {
-            (Gathering::Joint, Inside::Volume | Inside::Surfaces) => Self::Joint,
-            (Gathering::Joint, Inside::Cells) | (Gathering::Scalar(_), _) => Self::Plain,
-        }
-    }
-
-    /// Bytes of a fragment.
-    pub fn bytes(self) -> u64 {
-        match self {
-            Self::Plain => FRAGMENT_BYTES,
-            Self::Joint => JOINT_FRAGMENT_BYTES,
-        }
-    }
-}
-
-/// What rays meet inside cells.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Inside {
-    /// The volume alone.
-    Volume,
-    /// The volume and isosurfaces.
-    Surfaces,
-    /// The volume, of scalars of cells.
-    Cells,
-}
-
-impl Inside {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::Volume, Self::Surfaces, Self::Cells];
-    /// Those that fragments are stored for.
-    pub const OF_VERTICES: [Self; 2] = [Self::Volume, Self::Surfaces];
-
-    /// What rays of a job meet.
-    pub fn of(job: &RenderJob) -> Self {
-        match job.scalars {
-            Scalars::Cells(_) => Self::Cells,
-            Scalars::Vertices(_) if job.surfaces.is_some() => Self::Surfaces,
-            Scalars::Vertices(_) => Self::Volume,
-        }
-    }
-
-    /// What decides on a fragment's scalar: that of a cell is none of its faces'.
-    pub fn of_fragments(self) -> Self {
-        if self == Self::Cells { Self::Volume } else { self }
-    }
-
-    /// Bindings beyond those of [`Gathering`]: of the walk, and of the face renderer.
-    fn bindings(self) -> [&'static [Binding]; 2] {
-        const SURFACES: Binding = Binding::Read(Resource::Surfaces);
-        match self {
-            Self::Volume => [&[], &[]],
-            Self::Cells => [&[], &[Binding::Read(Resource::Vertices)]],
-            Self::Surfaces => {
-                [&[SURFACES], &[SURFACES, Binding::Read(Resource::Vertices), Binding::Read(Resource::Corners)]]
-            }
-        }
-    }
-}
-
-/// How segments are integrated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Gathering {
-    /// With a transfer function of the scalar, by these optics.
-    Scalar(OpticsKind),
-    /// With a joint table, by the exact integrator.
-    Joint,
-}
-
-impl Gathering {
-    /// All ways of integration.
-    pub const ALL: [Self; 4] = [
-        Self::Scalar(OpticsKind::Exact),
-        Self::Scalar(OpticsKind::Table3d),
-        Self::Scalar(OpticsKind::Partial),
-        Self::Joint,
-    ];
-
-    /// How segments of a job are integrated.
-    pub fn of(job: &RenderJob) -> Self {
-        if job.joint.is_some() { Self::Joint } else { Self::Scalar(job.optics) }
-    }
-
-    /// Bindings of the transfer function.
-    fn tables(self) -> &'static [Binding] {
-        const TABLE: Binding = Binding::Read(Resource::Table);
-        match self {
-            Self::Scalar(OpticsKind::Exact | OpticsKind::Partial) => &[TABLE],
-            Self::Scalar(OpticsKind::Table3d) => &[TABLE, Binding::Read(Resource::Table3dParams)],
-            Self::Joint => &[TABLE, Binding::Read(Resource::JointParams)],
-        }
-    }
-}
 
 /// A stage of a renderer: one entry point in one file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -194,18 +35,18 @@ pub enum Stage {
     Fill,
     /// Copies an image to the texture that a window samples.
     Present,
-    /// Tests faces against the pixels of their boxes.
-    Faces(Pass, Precision),
-    /// Tests large faces, tile by tile.
-    FacePieces(Pass, Precision),
+    /// Tests elements against the pixels of their boxes.
+    Find(Element, Pass, Precision),
+    /// Tests elements with large boxes, tile by tile.
+    FindPieces(Element, Pass, Precision),
     /// Finds the rays that begin in a cell.
     FaceStarts(Pass, Precision),
     /// Sums fragments per pixel to places.
-    FaceScan,
+    FragmentScan,
     /// Runs one round of sorting the fragments of deep pixels.
-    FaceSort(FragmentKind),
+    FragmentSort(Element, FragmentKind),
     /// Orders and composites the fragments of each pixel.
-    FaceResolve(Gathering, Inside, Precision),
+    Resolve(Element, Gathering, Inside, Precision),
     /// Chooses the next pieces of the boundary's large faces.
     LayersPlan,
     /// Computes the range of all depths.
@@ -234,16 +75,14 @@ pub fn stages() -> impl Iterator<Item = Stage> {
         Stage::EntriesScan,
         Stage::EntriesStore,
         Stage::Present,
-        Stage::FaceScan,
-        Stage::FaceSort(FragmentKind::Plain),
-        Stage::FaceSort(FragmentKind::Joint),
+        Stage::FragmentScan,
         Stage::SplitPlan,
         Stage::SplitDecide,
         Stage::SplitAppend,
         Stage::SplitSlice,
         Stage::Fill,
-        Stage::Faces(Pass::Layers, Precision::Single),
-        Stage::FacePieces(Pass::Layers, Precision::Single),
+        Stage::Find(Element::Face, Pass::Layers, Precision::Single),
+        Stage::FindPieces(Element::Face, Pass::Layers, Precision::Single),
         Stage::LayersPlan,
         Stage::LayersRange,
         Stage::LayersReference,
@@ -254,21 +93,37 @@ pub fn stages() -> impl Iterator<Item = Stage> {
         Stage::UpsampleJoint2x2,
     ];
     let with = |precision: Precision| {
-        let kinds = [FragmentKind::Plain, FragmentKind::Joint];
-        let stores = kinds.into_iter().flat_map(|kind| Inside::OF_VERTICES.map(|inside| Pass::Store(kind, inside)));
-        let finding = [Pass::Count].into_iter().chain(stores).flat_map(move |pass| {
-            [Stage::Faces(pass, precision), Stage::FacePieces(pass, precision), Stage::FaceStarts(pass, precision)]
-        });
+        let elements = [Element::Face, Element::Tet, Element::Slab, Element::Ball];
+        let elements = elements.into_iter().filter(move |element| element.precision(precision) == precision);
         let gathering = Gathering::ALL.into_iter().flat_map(|how| Inside::ALL.map(|inside| (how, inside)));
-        finding.chain(gathering.flat_map(move |(how, inside)| {
-            [
-                Stage::Walk(how, inside, precision),
-                Stage::WalkRays(how, inside, precision),
-                Stage::FaceResolve(how, inside, precision),
-            ]
-        }))
+        let walks = gathering.clone().flat_map(move |(how, inside)| {
+            [Stage::Walk(how, inside, precision), Stage::WalkRays(how, inside, precision)]
+        });
+        walks.chain(elements.flat_map(move |element| listing(element, precision, gathering.clone())))
     };
     alike.into_iter().chain([Precision::Single, Precision::Double].into_iter().flat_map(with))
+}
+
+/// The stages with lists of fragments.
+fn listing(
+    element: Element,
+    precision: Precision,
+    gathering: impl Iterator<Item = (Gathering, Inside)>,
+) -> impl Iterator<Item = Stage> {
+    let kinds = [FragmentKind::Plain, FragmentKind::Joint];
+    let insides = Inside::OF_VERTICES.into_iter().filter(move |&inside| element.inside_of_fragments(inside) == inside);
+    let stores = kinds.into_iter().flat_map(move |kind| insides.clone().map(move |inside| Pass::Store(kind, inside)));
+    let finding = [Pass::Count].into_iter().chain(stores).flat_map(move |pass| {
+        let starts = (element == Element::Face).then_some(Stage::FaceStarts(pass, precision));
+        [Stage::Find(element, pass, precision), Stage::FindPieces(element, pass, precision)].into_iter().chain(starts)
+    });
+    // All points are sorted and resolved alike.
+    let resolves = !element.is_slab();
+    let resolving = gathering.filter(move |_| resolves);
+    let resolving = resolving.map(move |(how, inside)| Stage::Resolve(element, how, inside, precision));
+    let sorts = resolves && precision == Precision::Single;
+    let sorting = sorts.then(|| kinds.map(|kind| Stage::FragmentSort(element, kind)));
+    finding.chain(sorting.into_iter().flatten()).chain(resolving)
 }
 
 /// How the records of cells are split over bindings.
@@ -323,12 +178,12 @@ impl Stage {
             Self::SplitSlice => ("split_slice", include_str!("../../../shaders/split_slice.wgsl")),
             Self::Fill => ("fill", include_str!("../../../shaders/fill.wgsl")),
             Self::Present => ("present", include_str!("../../../shaders/present.wgsl")),
-            Self::Faces(..) => ("faces", include_str!("../../../shaders/faces.wgsl")),
-            Self::FacePieces(..) => ("face_pieces", include_str!("../../../shaders/face_pieces.wgsl")),
+            Self::Find(..) => ("fragments_find", include_str!("../../../shaders/fragments_find.wgsl")),
+            Self::FindPieces(..) => ("fragments_pieces", include_str!("../../../shaders/fragments_pieces.wgsl")),
             Self::FaceStarts(..) => ("face_starts", include_str!("../../../shaders/face_starts.wgsl")),
-            Self::FaceScan => ("face_scan", include_str!("../../../shaders/face_scan.wgsl")),
-            Self::FaceSort(_) => ("face_sort", include_str!("../../../shaders/face_sort.wgsl")),
-            Self::FaceResolve(..) => ("face_resolve", include_str!("../../../shaders/face_resolve.wgsl")),
+            Self::FragmentScan => ("fragments_scan", include_str!("../../../shaders/fragments_scan.wgsl")),
+            Self::FragmentSort(..) => ("fragments_sort", include_str!("../../../shaders/fragments_sort.wgsl")),
+            Self::Resolve(..) => ("fragments_resolve", include_str!("../../../shaders/fragments_resolve.wgsl")),
             Self::LayersPlan => ("layers_plan", include_str!("../../../shaders/layers_plan.wgsl")),
             Self::LayersRange => ("layers_range", include_str!("../../../shaders/layers_range.wgsl")),
             Self::LayersReference => ("layers_reference", include_str!("../../../shaders/layers_reference.wgsl")),
@@ -344,9 +199,9 @@ impl Stage {
         match self {
             Self::Walk(_, _, precision)
             | Self::WalkRays(_, _, precision)
-            | Self::FaceResolve(_, _, precision)
-            | Self::Faces(_, precision)
-            | Self::FacePieces(_, precision)
+            | Self::Resolve(_, _, _, precision)
+            | Self::Find(_, _, precision)
+            | Self::FindPieces(_, _, precision)
             | Self::FaceStarts(_, precision) => precision,
             // Mixtures are those of the CPU, which mixes in f64.
             Self::DecodeVq(Moment::Mixture, _) => Precision::Double,
@@ -358,7 +213,7 @@ impl Stage {
     pub fn bindings(self) -> Vec<Binding> {
         use Binding::{Atomic, Read, Write};
         use Resource::*;
-        let params = [Read(Params), Read(FaceParams)];
+        let params = [Read(Params), Read(ListParams)];
         let planes = [Write(Counters), Write(ColorPlane), Write(DepthPlane)];
         let upsampling = [Read(Params), Read(UpsampleParams)];
         let small = [Read(SmallColor), Read(SmallDepth)];
@@ -395,7 +250,16 @@ impl Stage {
                 [&read[..], &[Write(ColorPlane), Write(DepthPlane)]].concat()
             }
             Self::Present => vec![Read(Color), Write(Screen)],
-            Self::Faces(pass, _) | Self::FacePieces(pass, _) | Self::FaceStarts(pass, _) => {
+            Self::Find(element @ (Element::Tet | Element::Slab | Element::Ball), pass, _)
+            | Self::FindPieces(element @ (Element::Tet | Element::Slab | Element::Ball), pass, _) => {
+                let shape = if element == Element::Ball { Balls } else { Corners };
+                let found = [Read(PointParams), Atomic(Lists), Read(Vertices), Read(Drawn), Read(shape)];
+                let kept = if pass == Pass::Count { &[][..] } else { &fragments };
+                [&params[..], &found, kept].concat()
+            }
+            Self::Find(Element::Face, pass, _)
+            | Self::FindPieces(Element::Face, pass, _)
+            | Self::FaceStarts(pass, _) => {
                 let faces = Resource::FACES.map(Read);
                 let kept = match pass {
                     Pass::Count => faces.to_vec(),
@@ -420,9 +284,14 @@ impl Stage {
             Self::UpsampleJoint2x2 => {
                 [&upsampling[..], &small, &[Read(Reference), Read(SmallReference)], &planes].concat()
             }
-            Self::FaceScan => vec![Read(Params), Write(Lists)],
-            Self::FaceSort(_) => [&params[..], &[Read(Lists)], &fragments].concat(),
-            Self::FaceResolve(how, inside, _) => {
+            Self::FragmentScan => vec![Read(Params), Write(Lists)],
+            Self::FragmentSort(..) => [&params[..], &[Read(Lists)], &fragments].concat(),
+            Self::Resolve(Element::Tet | Element::Slab | Element::Ball, how, inside, _) => {
+                let [_, surfaces] = inside.bindings();
+                let read = [Read(PointParams), Read(Lists), Read(Drawn)];
+                [&params[..], &read, &fragments, &planes, how.tables(), surfaces].concat()
+            }
+            Self::Resolve(Element::Face, how, inside, _) => {
                 let [_, surfaces] = inside.bindings();
                 [&params[..], &[Read(Lists), Read(ActiveCells)], &fragments, &planes, how.tables(), surfaces].concat()
             }
@@ -438,11 +307,11 @@ impl Stage {
     /// The constants that depend on how cells and fragments are stored.
     fn constants(self, split: RecordSplit) -> String {
         let kind = match self {
-            Self::Faces(Pass::Store(kind, _), _)
-            | Self::FacePieces(Pass::Store(kind, _), _)
+            Self::Find(_, Pass::Store(kind, _), _)
+            | Self::FindPieces(_, Pass::Store(kind, _), _)
             | Self::FaceStarts(Pass::Store(kind, _), _)
-            | Self::FaceSort(kind) => kind,
-            Self::FaceResolve(how, inside, _) => FragmentKind::integrated(how, inside),
+            | Self::FragmentSort(_, kind) => kind,
+            Self::Resolve(_, how, inside, _) => FragmentKind::integrated(how, inside),
             _ => FragmentKind::Plain,
         };
         let RecordSplit { parts, shift } = split;
@@ -472,19 +341,24 @@ impl Stage {
             }
             Self::SplitAppend | Self::Fill => BLOCKS.to_vec(),
             Self::SplitSlice => vec![lib::RAY_LIST],
-            Self::Faces(pass, precision) | Self::FacePieces(pass, precision) | Self::FaceStarts(pass, precision) => {
-                finding(pass, precision)
+            Self::Find(element, pass, precision) | Self::FindPieces(element, pass, precision) => {
+                finding(element, pass, precision)
             }
-            Self::FaceScan => [&[lib::FRAME][..], &FACES, &[lib::SATURATING]].concat(),
-            Self::FaceSort(_) => [&[lib::FRAME][..], &FACES, &[lib::FRAGMENTS, lib::FRAGMENT_PLACES]].concat(),
-            Self::FaceResolve(how, inside, precision) => {
+            Self::FaceStarts(pass, precision) => finding(Element::Face, pass, precision),
+            Self::FragmentScan => [&[lib::FRAME][..], &LISTS, &[lib::SATURATING]].concat(),
+            Self::FragmentSort(element, _) => [&[lib::FRAME][..], &LISTS, &STORED, &[order(element)]].concat(),
+            Self::Resolve(element, how, inside, precision) => {
                 let surfaces = match inside {
                     Inside::Volume => &[][..],
                     Inside::Surfaces => &[lib::CORNERS, lib::BEHIND_VERTICES],
                     Inside::Cells => &[lib::BEHIND_VERTICES],
                 };
-                let stored = [lib::ACTIVE, lib::FRAGMENTS, lib::FRAGMENT_PLACES];
-                [&gathering(how, inside, precision)[..], &FACES, &stored, surfaces].concat()
+                let gathered = match element {
+                    Element::Face => [lib::ACTIVE, lib::FACE_PATHS],
+                    Element::Tet | Element::Slab | Element::Ball => [lib::POINT_LIST, lib::POINT_LIGHT],
+                };
+                let sorted = [order(element), lib::SORT];
+                [&gathering(how, inside, precision)[..], &LISTS, &STORED, &sorted, &gathered, surfaces].concat()
             }
             Self::LayersPlan | Self::LayersRange | Self::LayersReference => [&[lib::FRAME][..], &LAYERS].concat(),
             Self::UpsampleJoint => vec![lib::FRAME, lib::TILES, lib::UPSAMPLE],
@@ -498,11 +372,22 @@ impl Stage {
 /// Parts of the stages of adaptive sampling that look at blocks.
 const BLOCKS: [&str; 5] = [lib::FRAME, lib::RAY_LIST, lib::STRIDES, lib::RAY_BITS, lib::BLOCKS];
 
-/// Parts of the face renderer's stages.
-const FACES: [&str; 3] = [lib::TILES, lib::FACES, lib::FACE_LISTS];
+/// Parts of the stages with lists of fragments.
+const LISTS: [&str; 3] = [lib::TILES, lib::LIST_PARAMS, lib::FRAGMENT_LISTS];
+
+/// Parts of the stages that read stored fragments.
+const STORED: [&str; 2] = [lib::FRAGMENTS, lib::FRAGMENT_PLACES];
 
 /// Parts of the stages of depth layers.
-const LAYERS: [&str; 3] = [lib::TILES, lib::FACES, lib::LAYER_LISTS];
+const LAYERS: [&str; 3] = [lib::TILES, lib::LIST_PARAMS, lib::LAYER_LISTS];
+
+/// The part that says what fragments are sorted by.
+fn order(element: Element) -> &'static str {
+    match element {
+        Element::Face => lib::FACE_ORDER,
+        Element::Tet | Element::Slab | Element::Ball => lib::POINT_ORDER,
+    }
+}
 
 /// Parts of the stages that integrate along rays.
 fn gathering(how: Gathering, inside: Inside, precision: Precision) -> Vec<&'static str> {
@@ -547,20 +432,39 @@ fn rays(inside: Inside, precision: Precision) -> [&'static str; 3] {
     [numbers, lib::RAY, scalar]
 }
 
+/// Parts of the stages that find points.
+const POINTS: [&str; 4] = [lib::POINT_LIST, lib::POINT_BOXES, lib::POINT_CENTER, lib::BEHIND_VERTICES];
+
+/// Parts of the stages that find cells as points.
+const OF_CELLS: [&str; 3] = [lib::CORNERS, lib::POINT_CORNERS, lib::POINT_SHAPE];
+
+/// Parts of the stages that find slabs.
+const SLABS: [&str; 2] = [lib::ELLIPSOID, lib::SLAB_HITS];
+
 /// Parts of the stages that find fragments.
-fn finding(pass: Pass, precision: Precision) -> Vec<&'static str> {
+fn finding(element: Element, pass: Pass, precision: Precision) -> Vec<&'static str> {
     let (lists, kept) = match pass {
-        Pass::Count => (FACES, &[lib::MESH_FACES, lib::FRAGMENTS_COUNT, lib::PIECES][..]),
-        Pass::Store(..) => (FACES, &[lib::MESH_FACES, lib::FRAGMENTS, lib::FRAGMENTS_STORE][..]),
-        Pass::Layers => (LAYERS, &[lib::BOUNDARY_FACES, lib::LAYERS_KEEP, lib::PIECES][..]),
+        Pass::Count => (LISTS, &[lib::FRAGMENTS_COUNT, lib::PIECES][..]),
+        Pass::Store(..) => (LISTS, &[lib::FRAGMENTS, lib::FRAGMENTS_STORE][..]),
+        Pass::Layers => (LAYERS, &[lib::LAYERS_KEEP, lib::PIECES][..]),
     };
-    let (values, inside) = match pass {
-        Pass::Store(FragmentKind::Joint, inside) => (&[lib::VERTEX_VALUES, lib::BEHIND_VERTICES][..], inside),
-        Pass::Store(FragmentKind::Plain, inside) => (&[lib::NO_VERTEX_VALUES][..], inside),
-        Pass::Count | Pass::Layers => (&[lib::NO_VERTEX_VALUES][..], Inside::Volume),
+    let found = match element {
+        Element::Face if pass == Pass::Layers => vec![lib::FACE_HITS, lib::BOUNDARY_FACES],
+        Element::Face => vec![lib::FACE_HITS, lib::MESH_FACES],
+        Element::Tet => [&POINTS[..], &OF_CELLS, &[lib::TET_HITS]].concat(),
+        Element::Slab => [&POINTS[..], &OF_CELLS, &SLABS, &[lib::SLAB_OF_CELL]].concat(),
+        Element::Ball => [&POINTS[..], &SLABS, &[lib::SLAB_OF_BALL]].concat(),
+    };
+    let (values, inside) = match (pass, element) {
+        (Pass::Store(FragmentKind::Joint, inside), Element::Face) => {
+            (&[lib::VERTEX_VALUES, lib::BEHIND_VERTICES][..], inside)
+        }
+        (Pass::Store(FragmentKind::Joint, inside), _) => (&[lib::VERTEX_VALUES][..], inside),
+        (Pass::Store(FragmentKind::Plain, inside), _) => (&[lib::NO_VERTEX_VALUES][..], inside),
+        (Pass::Count | Pass::Layers, _) => (&[lib::NO_VERTEX_VALUES][..], Inside::Volume),
     };
     let boxes = [lib::SUMS, lib::BOXES];
-    [&[lib::FRAME], &lists[..], &boxes, &rays(inside, precision), &[lib::FACE_HITS], values, kept].concat()
+    [&[lib::FRAME], &lists[..], &boxes, &rays(inside, precision), &[lib::HITS], &found, values, kept].concat()
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Isosurfaces in the GPU's memory.
 //!
 //! Sheets are in a uniform buffer. Gradients of vertices lie behind the view vertices ([`VertexBuffers`](super::buffers::VertexBuffers)),
-//! so that stages keep within eight storage buffers; the walk reads the vertices of cells from their records, the face renderer from
+//! so that stages keep within eight storage buffers; the walk reads the vertices of cells from their records, renderers with lists from
 //! [`CornerBuffer`].
 
 use super::buffers::GrowingBuffer;
@@ -108,10 +108,15 @@ impl CornerBuffer {
         Self { of: None, buffer: GrowingBuffer::new(Resource::Corners) }
     }
 
-    /// Uploads the vertices of the cells, for a job with surfaces, unless they are there. Returns whether the buffer was made, and the
+    /// Uploads the vertices of a job's cells, if they are needed, unless they are there. Returns whether the buffer was made, and the
     /// bytes sent.
-    pub(super) fn upload(&mut self, context: &Context, job: &RenderJob) -> Result<(bool, u64), RenderError> {
-        if job.surfaces.is_none() {
+    pub(super) fn upload(
+        &mut self,
+        context: &Context,
+        job: &RenderJob,
+        are_needed: bool,
+    ) -> Result<(bool, u64), RenderError> {
+        if !are_needed {
             return Ok((self.buffer.reserve(context, 0)?, 0));
         }
         if self.of.as_ref().is_some_and(|of| Arc::ptr_eq(of, &job.mesh)) {

@@ -58,7 +58,6 @@ fn options_that_points_cannot_have_are_refused_with_the_remedy() {
         (&["--mode", "points", "--k", "4"], &["--k is about faces", "--mode havs"]),
         (&["--mode", "points", "--sampling", "regular"], &["--sampling regular is about faces"]),
         (&["--mode", "points", "--point-radius", "2"], &["--point-radius 2", "--footprint"]),
-        (&["--mode", "points", "--backend", "gpu"], &["on the CPU only", "--backend gpu"]),
         (&["--mode", "points", "--footprint", "ellipse", "--iso", "0.5"], &["isosurfaces", "footprint exact"]),
     ] {
         place.refuses(&render(&[&["-o", "f.png", "--steps", "1"], options].concat()), parts);

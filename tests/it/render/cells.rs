@@ -11,7 +11,7 @@ use tetreel::render::JointScene;
 use tetreel::render::surfaces::{Cut, FieldBeside, Normals, SurfaceScene, SurfaceShading, cut_planes};
 use tetreel::visibility::{CellSet, Skip};
 
-/// The paths that there are on this machine beside the judge; the last two on its GPU.
+/// The paths that there are on this machine beside the judge; the last three on its GPU.
 fn paths() -> Vec<&'static str> {
     super::surfaces::paths()
 }

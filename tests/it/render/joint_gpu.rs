@@ -1,7 +1,7 @@
 //! Transfer functions of more than the scalar on the GPU, against the reference and the CPU.
 
 use super::cells;
-use super::gpu::{context, own_context, render as walked};
+use super::gpu::{context, own_context, points as points_on_gpu, render as walked};
 use super::havs::gpu::render as drawn;
 use super::havs::{havs, with_all_faces, with_buffer, with_some_faces};
 use super::joint::*;
@@ -16,15 +16,16 @@ use tetreel::render::gpu::raycast::Raycast as GpuRaycast;
 use tetreel::render::{Frame, JointScene, RenderError};
 use tetreel::visibility::Skip;
 
-/// Frames of the ray caster and of the renderer of faces.
-fn both(job: &RenderJob) -> [(&'static str, Frame); 2] {
-    [("walk", walked(job).unwrap()), ("faces", drawn(&with_all_faces(job)).unwrap())]
+/// Frames of the ray caster, and of the renderers of faces and of points.
+fn by_all(job: &RenderJob) -> [(&'static str, Frame); 3] {
+    let faces = drawn(&with_all_faces(job)).unwrap();
+    [("walk", walked(job).unwrap()), ("faces", faces), ("points", points_on_gpu(job).unwrap())]
 }
 
-fn assert_both_agree(name: &str, job: &RenderJob) {
+fn assert_all_agree(name: &str, job: &RenderJob) {
     let judge = reference(job);
     assert!(judge.pixels.iter().any(|p| p[3] > 0.0), "{name}: an empty image proves nothing");
-    for (path, frame) in both(job) {
+    for (path, frame) in by_all(job) {
         let (rmse, max) = difference(&frame.planes.color, &judge);
         eprintln!("{name}, {path}: rmse {rmse:.1e}, max {max:.1e}");
         assert_within(&format!("{name}, {path}"), &frame.planes.color, &judge);
@@ -33,15 +34,15 @@ fn assert_both_agree(name: &str, job: &RenderJob) {
 }
 
 #[test]
-fn both_renderers_agree_with_the_reference_in_two_and_three_dimensions() {
+fn all_renderers_agree_with_the_reference_in_two_and_three_dimensions() {
     if context().is_none() {
         return;
     }
     for (projection, from) in [(PERSPECTIVE, "perspective"), (PARALLEL, "parallel")] {
         for (name, job) in jobs(5, projection) {
-            assert_both_agree(&format!("{name}, {from}"), &job);
+            assert_all_agree(&format!("{name}, {from}"), &job);
             let judge = reference(&job);
-            for (path, frame) in both(&stretched(&job)) {
+            for (path, frame) in by_all(&stretched(&job)) {
                 assert_noticed(&format!("{name}, {from}, {path}"), &frame.planes.color, &judge);
             }
         }
@@ -55,7 +56,7 @@ fn one_vertex_and_one_cell_that_change_are_sent_and_seen() {
     }
     for (name, job) in jobs(5, PERSPECTIVE) {
         let judge = reference(&job);
-        let before = both(&job);
+        let before = by_all(&job);
         let scene = job.joint.clone().unwrap();
         let nearest = |count: usize, place: &dyn Fn(usize) -> DVec3| {
             let from_eye = |i: &usize| place(*i).distance(job.view.eye);
@@ -82,16 +83,16 @@ fn one_vertex_and_one_cell_that_change_are_sent_and_seen() {
             let other = RenderJob { joint: Some(other), ..job.clone() };
             if differs {
                 assert_noticed(&format!("{name}, {what}"), &reference(&other), &judge);
-                assert_both_agree(&format!("{name}, {what}"), &other);
+                assert_all_agree(&format!("{name}, {what}"), &other);
             }
         }
         // And back again, through a job without a joint table.
         let plain = RenderJob { joint: None, optics: OpticsKind::Table3d, ..job.clone() };
         assert!(
-            both(&plain).iter().zip(&before).all(|((_, plain), (_, joint))| plain.planes.color != joint.planes.color),
+            by_all(&plain).iter().zip(&before).all(|((_, plain), (_, joint))| plain.planes.color != joint.planes.color),
             "{name}"
         );
-        for ((path, now), (_, before)) in both(&job).iter().zip(&before) {
+        for ((path, now), (_, before)) in by_all(&job).iter().zip(&before) {
             assert!(now.planes == before.planes, "{name}, {path}");
         }
     }
@@ -104,7 +105,7 @@ fn images_depths_and_counts_are_those_of_the_cpu() {
     }
     for (name, job) in jobs(6, PERSPECTIVE) {
         let cpu = Raycast::new().render(job.clone()).unwrap().clone();
-        for (path, frame) in both(&job) {
+        for (path, frame) in by_all(&job) {
             // Depths are f32 in the mesh's units, of an extent of 2 at a distance of 4.4: right to 2^-24 of that, but where extinction
             // begins within rounding of a face. Measured: 1e-6 of them.
             let close = |a: f32, b: f32| a == b || (a - b).abs() < 1e-5 * b.abs();
@@ -145,7 +146,7 @@ fn a_cell_more_is_seen_in_its_own_layer() {
     let [five, six] = &jobs;
     assert!(reference(five) != reference(six));
     for job in [five, six, five] {
-        assert_both_agree(&format!("{} cells", job.mesh.topology.tets.len()), job);
+        assert_all_agree(&format!("{} cells", job.mesh.topology.tets.len()), job);
     }
 }
 
@@ -160,7 +161,7 @@ fn one_row_and_one_layer_give_the_image_of_the_node_table() {
     let scalars = nodes.iter().map(|n| n.scalar).collect();
     let table = JointTable::new(scalars, vec![3.0], vec![-1e9], nodes.iter().map(value).collect()).unwrap();
     let other = with_joint_table(&base, table, Some(vertex_values(&base)), Some(cell_values(&base)));
-    for ((path, joint), (_, plain)) in both(&other).into_iter().zip(both(&base)) {
+    for ((path, joint), (_, plain)) in by_all(&other).into_iter().zip(by_all(&base)) {
         let (rmse, max) = difference(&joint.planes.color, &plain.planes.color);
         eprintln!("{path}: rmse {rmse:.1e}, max {max:.1e}");
         // The same pieces, lengths rounded in another way: a share of the segment instead of one of its scalars.
@@ -176,21 +177,21 @@ fn narrow_flat_and_opaque_tables_agree() {
     let base = scene(4, PARALLEL);
     let (vertex, cell) = (Some(vertex_values(&base)), Some(cell_values(&base)));
     let one = table_of(&[0.1], &[0.3], &[0.2], |_, _, _| [0.4, 0.5, 0.6, 0.7]);
-    assert_both_agree("one node", &with_joint_table(&base, one, vertex.clone(), cell.clone()));
-    assert_both_agree("rows only", &with_joint_table(&base, noisy(&[0.1], &ROWS, &[0.2], 8), vertex.clone(), None));
-    assert_both_agree("layers only", &with_joint_table(&base, noisy(&[0.1], &[0.0], &LAYERS, 9), None, cell.clone()));
-    assert_both_agree("nothing given", &with_joint_table(&base, noisy(&SCALARS, &ROWS, &LAYERS, 12), None, None));
+    assert_all_agree("one node", &with_joint_table(&base, one, vertex.clone(), cell.clone()));
+    assert_all_agree("rows only", &with_joint_table(&base, noisy(&[0.1], &ROWS, &[0.2], 8), vertex.clone(), None));
+    assert_all_agree("layers only", &with_joint_table(&base, noisy(&[0.1], &[0.0], &LAYERS, 9), None, cell.clone()));
+    assert_all_agree("nothing given", &with_joint_table(&base, noisy(&SCALARS, &ROWS, &LAYERS, 12), None, None));
     let fine: Vec<f64> = (0..60).map(|i| -1.5 + 0.05 * f64::from(i)).collect();
-    assert_both_agree("fine", &with_joint_table(&base, noisy(&fine, &fine, &LAYERS, 10), vertex.clone(), cell.clone()));
+    assert_all_agree("fine", &with_joint_table(&base, noisy(&fine, &fine, &LAYERS, 10), vertex.clone(), cell.clone()));
     let spike = |s: f64, row: f64, _: f64| [0.9, 0.3, 0.1, if s == 0.1 && row == 0.2 { 300.0 } else { 0.0 }];
     let near = |at: f64| [at - 0.1, at, at + 0.1];
-    assert_both_agree(
+    assert_all_agree(
         "spike",
         &with_joint_table(&base, table_of(&near(0.1), &near(0.2), &[0.0], spike), vertex.clone(), None),
     );
     // Rows a millionth of the range apart: as good as a step.
     let rows = [-0.5, 0.2, 0.2 + 1e-6, 0.8];
-    assert_both_agree("nearly a step", &with_joint_table(&base, noisy(&SCALARS, &rows, &LAYERS, 11), vertex, cell));
+    assert_all_agree("nearly a step", &with_joint_table(&base, noisy(&SCALARS, &rows, &LAYERS, 11), vertex, cell));
 }
 
 #[test]
@@ -208,7 +209,7 @@ fn quantities_that_are_no_numbers_or_huge_or_tiny_agree() {
     for i in (0..cell.len()).step_by(3) {
         cell[i] = [f32::NAN, f32::INFINITY, f32::MIN, 1e-40][i / 3 % 4];
     }
-    assert_both_agree("some", &with_joint_table(&base, table, Some(vertex), Some(cell)));
+    assert_all_agree("some", &with_joint_table(&base, table, Some(vertex), Some(cell)));
     // All quantities and axes times the same: denormal, small, far beyond f32 in the table.
     for unit in [1e-40, 1e-30, 1e30] {
         let axis = |axis: &[f64]| axis.iter().map(|&x| f64::from((x * unit) as f32)).collect::<Vec<_>>();
@@ -217,11 +218,11 @@ fn quantities_that_are_no_numbers_or_huge_or_tiny_agree() {
         let scalars = Arc::new(scaled(base.scalars.values().to_vec())).into();
         let base = RenderJob { scalars, ..base.clone() };
         let job = with_joint_table(&base, table, Some(scaled(vertex_values(&base))), Some(scaled(cell_values(&base))));
-        assert_both_agree(&format!("unit {unit:e}"), &job);
+        assert_all_agree(&format!("unit {unit:e}"), &job);
     }
     let table = noisy(&SCALARS, &[1e300, 2e300], &[-1e300, 1e300], 6);
     let (vertex, cell) = (Some(vertex_values(&base)), Some(cell_values(&base)));
-    assert_both_agree("beyond f32", &with_joint_table(&base, table, vertex, cell));
+    assert_all_agree("beyond f32", &with_joint_table(&base, table, vertex, cell));
 }
 
 #[test]
@@ -240,7 +241,7 @@ fn constant_fields_on_the_places_of_the_axes_have_their_right_sides() {
         let job = with_joint_table(&constant, table.clone(), Some(vec![vertex; vertices]), Some(vec![cell; cells]));
         let flat = super::table(&[(0.0, expected.rgb, expected.tau)]);
         let flat = reference(&RenderJob { table: Arc::new(flat), joint: None, ..job.clone() });
-        for (path, frame) in both(&job) {
+        for (path, frame) in by_all(&job) {
             assert_within(path, &frame.planes.color, &flat);
         }
     }
@@ -258,7 +259,7 @@ fn eyes_within_the_mesh_see_what_the_reference_sees() {
         for (name, job) in jobs(4, PERSPECTIVE) {
             let job = RenderJob { view: eye.view(40, 32).unwrap(), ..job };
             let judge = reference(&job);
-            for (path, frame) in both(&job) {
+            for (path, frame) in by_all(&job) {
                 assert_within(&format!("{name}, {seed}, {path}"), &frame.planes.color, &judge);
             }
         }

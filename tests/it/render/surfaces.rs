@@ -53,16 +53,18 @@ pub(super) fn planes(path: &str, job: &RenderJob) -> Planes {
         "walk on the GPU" => gpu::render(job).unwrap().planes,
         #[cfg(feature = "gpu")]
         "faces on the GPU" => super::havs::gpu::render(&with_all_faces(job)).unwrap().planes,
+        #[cfg(feature = "gpu")]
+        "points on the GPU" => gpu::points(job).unwrap().planes,
         _ => Reference::new().render(job.clone()).unwrap().planes.clone(),
     }
 }
 
-/// The renderers that there are on this machine beside the judge; the last two on its GPU.
+/// The renderers that there are on this machine beside the judge; the last three on its GPU.
 pub(super) fn paths() -> Vec<&'static str> {
     let on_cpu = ["raycast", "portable", "faces", "points"];
     #[cfg(feature = "gpu")]
     if gpu::context().is_some() {
-        return [&on_cpu[..], &["walk on the GPU", "faces on the GPU"]].concat();
+        return [&on_cpu[..], &["walk on the GPU", "faces on the GPU", "points on the GPU"]].concat();
     }
     on_cpu.to_vec()
 }

@@ -1,6 +1,6 @@
 //! Isosurfaces on the GPU, against the CPU and the judge.
 
-use super::gpu::{context, own_context, render as walked};
+use super::gpu::{context, own_context, points as points_on_gpu, render as walked};
 use super::havs::gpu::render as drawn;
 use super::havs::{havs, with_all_faces, with_buffer, with_some_faces};
 use super::joint::{LAYERS, ROWS, SCALARS, cell_values, noisy, vertex_values, with_joint_table};
@@ -21,9 +21,10 @@ use tetreel::store::Store;
 use tetreel::synth::{SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
 
-/// Frames of the ray caster and of the renderer of faces.
-fn both(job: &RenderJob) -> [(&'static str, Frame); 2] {
-    [("walk", walked(job).unwrap()), ("faces", drawn(&with_all_faces(job)).unwrap())]
+/// Frames of the ray caster, and of the renderers of faces and of points.
+fn by_all(job: &RenderJob) -> [(&'static str, Frame); 3] {
+    let faces = drawn(&with_all_faces(job)).unwrap();
+    [("walk", walked(job).unwrap()), ("faces", faces), ("points", points_on_gpu(job).unwrap())]
 }
 
 /// How far two images are apart.
@@ -120,8 +121,8 @@ impl Apart {
     }
 }
 
-fn assert_both_close(name: &str, job: &RenderJob, expected: &Planes) {
-    for (path, frame) in both(job) {
+fn assert_all_close(name: &str, job: &RenderJob, expected: &Planes) {
+    for (path, frame) in by_all(job) {
         let name = format!("{name}, {path}");
         assert_eq!((frame.stats.broken_paths, frame.stats.out_of_order), (0, 0), "{name}");
         Apart::of(&frame.planes, expected).assert_close(&name, 1.0);
@@ -129,14 +130,14 @@ fn assert_both_close(name: &str, job: &RenderJob, expected: &Planes) {
 }
 
 #[test]
-fn both_renderers_draw_the_surfaces_of_the_cpu() {
+fn all_renderers_draw_the_surfaces_of_the_cpu() {
     if context().is_none() {
         return;
     }
     for (name, job) in scenes() {
         let cpu = planes("raycast", &job);
-        assert_both_close(&name, &job, &cpu);
-        for (path, frame) in both(&stretched(&job)) {
+        assert_all_close(&name, &job, &cpu);
+        for (path, frame) in by_all(&stretched(&job)) {
             assert!(!Apart::of(&frame.planes, &cpu).is_close(1.0), "{name}, {path}: not noticed");
         }
     }
@@ -154,7 +155,7 @@ fn other_isovalues_normals_lights_and_sides_are_noticed() {
     };
     let sheet = Isosurface { back: Some(BLUE), ..surface(0.2, RED, 0.7) };
     let cpu = planes("raycast", &of(sheet, Normals::Vertex, above));
-    assert_both_close("as asked", &of(sheet, Normals::Vertex, above), &cpu);
+    assert_all_close("as asked", &of(sheet, Normals::Vertex, above), &cpu);
     for (what, job) in [
         ("moved by 2e-3 of the range", of(Isosurface { value: 0.205, ..sheet }, Normals::Vertex, above)),
         ("facets", of(sheet, Normals::Cell, above)),
@@ -163,7 +164,7 @@ fn other_isovalues_normals_lights_and_sides_are_noticed() {
         ("another back", of(Isosurface { back: None, ..sheet }, Normals::Vertex, above)),
         ("another opacity", of(Isosurface { opacity: 0.69, ..sheet }, Normals::Vertex, above)),
     ] {
-        for (path, frame) in both(&job) {
+        for (path, frame) in by_all(&job) {
             assert!(!Apart::of(&frame.planes, &cpu).is_close(1.0), "{what}, {path}: not noticed");
         }
     }
@@ -179,7 +180,7 @@ fn all_optics_have_surfaces() {
         for optics in OpticsKind::ALL {
             for normals in [Normals::Cell, Normals::Vertex] {
                 let job = with_surfaces(&RenderJob { optics, ..base.clone() }, &sheets(), shading(normals));
-                assert_both_close(&format!("{optics}, {from}, {normals}"), &job, &planes("raycast", &job));
+                assert_all_close(&format!("{optics}, {from}, {normals}"), &job, &planes("raycast", &job));
             }
         }
     }
@@ -202,8 +203,8 @@ fn joint_tables_have_surfaces() {
             let joint = joint_job(projection, cells);
             let job = with_surfaces(&joint, &sheets(), shading(normals));
             let judge = planes("reference", &job);
-            assert_both_close(&format!("joint, {normals}"), &job, &judge);
-            for (path, frame) in both(&joint) {
+            assert_all_close(&format!("joint, {normals}"), &job, &judge);
+            for (path, frame) in by_all(&joint) {
                 assert!(!Apart::of(&frame.planes, &judge).is_close(1.0), "{path}: not noticed");
             }
         }
@@ -226,7 +227,7 @@ fn eyes_within_the_mesh_see_what_the_cpu_sees() {
         let base = RenderJob { view: eye.view(40, 32).unwrap(), ..base.clone() };
         let job = with_surfaces(&base, &sheets(), shading(Normals::Vertex));
         let cpu = planes("raycast", &job);
-        both(&job).iter().for_each(|(_, frame)| all.add(&frame.planes, &cpu));
+        by_all(&job).iter().for_each(|(_, frame)| all.add(&frame.planes, &cpu));
     }
     all.assert_close("eyes within", 1.0);
 }
@@ -301,7 +302,7 @@ fn scalars_of_any_size_have_the_surfaces_of_the_cpu() {
                 ("alone", alone(&job, &sheets, shading(normals))),
                 ("one", alone(&job, &sheets[..1], shading(normals))),
             ] {
-                assert_both_close(&format!("{times:e}, {offset}, {normals}, {what}"), &job, &planes("raycast", &job));
+                assert_all_close(&format!("{times:e}, {offset}, {normals}, {what}"), &job, &planes("raycast", &job));
             }
         }
     }
@@ -329,11 +330,11 @@ fn frames_with_and_without_surfaces_take_turns() {
         slivers(),
         with_surfaces(&slivers(), &sheets(), smooth),
     ];
-    let first: Vec<_> = jobs.iter().map(|job| both(job).map(|(_, frame)| frame.planes)).collect();
+    let first: Vec<_> = jobs.iter().map(|job| by_all(job).map(|(_, frame)| frame.planes)).collect();
     // Each after each other one.
     for turn in 1..jobs.len() {
         for i in (0..jobs.len()).map(|i| i * turn % jobs.len()) {
-            assert!(both(&jobs[i]).map(|(_, frame)| frame.planes) == first[i], "job {i}, turn {turn}");
+            assert!(by_all(&jobs[i]).map(|(_, frame)| frame.planes) == first[i], "job {i}, turn {turn}");
         }
     }
 }

@@ -87,6 +87,7 @@ pub fn paths() -> Vec<Path> {
         let gpu = |name, render: fn(&RenderJob) -> Option<Frame>| Path { name, on_gpu: true, render };
         paths.push(gpu("raycast, GPU", crate::render::gpu::render));
         paths.push(gpu("havs, GPU", |job| crate::render::havs::gpu::render(&faces(job, 8))));
+        paths.push(gpu("points, GPU", crate::render::gpu::points));
     }
     paths
 }

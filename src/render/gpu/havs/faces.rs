@@ -1,4 +1,4 @@
-//! Face buffers on the GPU: the faces of the mesh, and the list of faces drawn.
+//! The faces of a mesh, and the cells at the eye, on the GPU.
 
 use crate::camera::View;
 use crate::mesh::{Connectivity, FACE_VERTICES, Mesh};
@@ -9,7 +9,6 @@ use crate::render::gpu::eye;
 use crate::render::gpu::layout::{EYE_WORDS, FACE_WORDS};
 use crate::render::gpu::resources::Resource;
 use crate::render::{RenderError, RenderJob};
-use crate::visibility::Drawn;
 use std::sync::Arc;
 
 /// Bindings for faces in the shaders.
@@ -62,38 +61,7 @@ fn pack(mesh: &Mesh, face: usize) -> [u32; FACE_WORDS] {
     [a, b, c, front, behind]
 }
 
-/// The faces that a job draws, and behind them the cells at the eye.
-pub(super) struct DrawnBuffer {
-    of: Option<Arc<Drawn>>,
-    pub(super) buffer: GrowingBuffer,
-}
-
-impl DrawnBuffer {
-    pub(super) fn new() -> Self {
-        Self { of: None, buffer: GrowingBuffer::new(Resource::Drawn) }
-    }
-
-    /// Uploads a list unless it is there, and the cells at the eye. Returns whether a buffer was made, and the bytes sent.
-    pub(super) fn upload(
-        &mut self,
-        context: &Context,
-        drawn: &Arc<Drawn>,
-        eye_cells: &[[u32; EYE_WORDS]],
-    ) -> Result<(bool, u64), RenderError> {
-        let list_bytes = size_of_val(drawn.ids.as_slice()) as u64;
-        let mut sent = 0;
-        let made = self.buffer.reserve(context, list_bytes + size_of_val(eye_cells) as u64)?;
-        if made || !self.of.as_ref().is_some_and(|of| Arc::ptr_eq(of, drawn)) {
-            self.of = None;
-            sent += self.buffer.write(context, 0, bytemuck::cast_slice(&drawn.ids))?;
-            self.of = Some(drawn.clone());
-        }
-        sent += self.buffer.write(context, list_bytes, bytemuck::cast_slice(eye_cells))?;
-        Ok((made, sent))
-    }
-}
-
-/// The cells in which a ray may begin, in the layout of `shaders/lib/faces.wgsl`.
+/// The cells in which a ray may begin, in the layout of `shaders/lib/list_params.wgsl`.
 pub(super) fn eye_cells(job: &RenderJob, local_view: &View) -> Vec<[u32; EYE_WORDS]> {
     eye::cells(job, local_view).into_iter().map(|cell| eye_cell(job, local_view, cell)).collect()
 }

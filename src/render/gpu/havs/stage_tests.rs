@@ -4,11 +4,13 @@
 use super::*;
 use crate::camera::{Camera, Projection, View};
 use crate::mesh::{Mesh, NONE, RawMesh};
-use crate::render::Renderer;
-use crate::render::gpu::layout::{FRAGMENT_BYTES, depth_of};
+use crate::render::LayerRenderer;
+use crate::render::gpu::layout::{FRAGMENT_BYTES, Lists, depth_of};
+use crate::render::gpu::lists::steps::{ListJob, Step};
 use crate::render::gpu::raycast::stage_tests::{
     Meeting, active_cells, cameras, context, context_of_window, has_eye, job, meet, mesh, read_back, seen,
 };
+use crate::render::{Frame, Renderer};
 use crate::visibility::Drawn;
 use glam::DVec3;
 
@@ -33,7 +35,7 @@ fn jobs() -> Vec<(&'static str, RenderJob)> {
 }
 
 /// Does all that comes before `step`, which is about to begin.
-fn run_until(layer: &mut FaceLists, job: &RenderJob, step: Step) -> FaceJob {
+fn run_until(layer: &mut FragmentLists<Faces>, job: &RenderJob, step: Step) -> ListJob {
     let mut frame = Frame::default();
     let mut active = layer.begin(job.clone(), &mut frame).unwrap().unwrap();
     loop {
@@ -131,7 +133,7 @@ fn places_are_sums_of_the_counts_before_them() {
     let Some(context) = context() else { return };
     for (name, job) in jobs() {
         let (counts, lists) = lists_before(&context, &job, Step::Scan);
-        let (places, _) = lists_before(&context, &job, Step::StoreFaces);
+        let (places, _) = lists_before(&context, &job, Step::Store);
         let (counts, tiles) = (pixels(&counts, lists), lists.tiles as usize);
         let expected = |counts: &[u32]| -> (Vec<u32>, Vec<u32>) {
             let before = |tile: &[u32], pixel: usize| tile[..pixel].iter().sum();

@@ -1,7 +1,7 @@
 //! Depth layers on the GPU: [`crate::render::cpu::layers`] in WGSL.
 //!
 //! 1. **faces**, the stage of the face renderer: a thread a face of the boundary looks at the pixels of the face's box. A face with a large
-//!    box is cut into pieces, one a tile (`faces.wgsl`, `face_pieces.wgsl`). Instead of storing fragments a pixel keeps its nearest depths
+//!    box is cut into pieces, one a tile (`fragments_find.wgsl`, `fragments_pieces.wgsl`). Instead of storing fragments a pixel keeps its nearest depths
 //!    (`lib/layers_keep.wgsl`): each layer takes the nearer of two depths and passes the other on to the next, so that the result does not
 //!    depend on their order.
 //! 2. **plan**: the number of workgroups is computed on the GPU from the number of pieces. If these exceed the list, the boundary is drawn
@@ -22,11 +22,11 @@ pub(super) mod stage_tests;
 use super::buffers::GrowingBuffer;
 use super::context::Context;
 use super::layout::{
-    FACES_PER_GROUP, FIRST_PIECES_PER_TILE, FaceParams, LayerLists, PIECE_WORDS, Params, TILE_PIXELS, TILE_PX,
+    ELEMENTS_PER_GROUP, FIRST_PIECES_PER_TILE, LayerLists, ListParams, PIECE_WORDS, Params, TILE_PIXELS, TILE_PX,
 };
 use super::pipelines::{NO_RECORDS, Pipelines};
 use super::resources::Resource;
-use super::shaders::{Pass, Precision, Stage};
+use super::shaders::{Element, Pass, Precision, Stage};
 use super::target::OnePlane;
 use crate::mesh::Mesh;
 use crate::render::cpu::layers::boundary_faces;
@@ -35,8 +35,8 @@ use crate::visibility::CellSet;
 use std::ops::Range;
 use std::sync::Arc;
 
-const FACES: Stage = Stage::Faces(Pass::Layers, Precision::Single);
-const PIECES: Stage = Stage::FacePieces(Pass::Layers, Precision::Single);
+const FACES: Stage = Stage::Find(Element::Face, Pass::Layers, Precision::Single);
+const PIECES: Stage = Stage::FindPieces(Element::Face, Pass::Layers, Precision::Single);
 
 /// The boundary faces of a set of cells, on the GPU.
 pub(super) struct Boundary {
@@ -83,14 +83,14 @@ impl Boundary {
 
     /// Workgroups that draw it.
     pub(super) fn groups(&self) -> usize {
-        self.faces.div_ceil(FACES_PER_GROUP) as usize
+        self.faces.div_ceil(ELEMENTS_PER_GROUP) as usize
     }
 }
 
 /// Depth layers of one view.
 pub(super) struct DepthLayers {
     params_buffer: GrowingBuffer,
-    face_params_buffer: GrowingBuffer,
+    list_params_buffer: GrowingBuffer,
     /// Pieces of large faces: [`LayerLists`].
     lists: GrowingBuffer,
     args: GrowingBuffer,
@@ -99,7 +99,7 @@ pub(super) struct DepthLayers {
     reference: Option<OnePlane>,
     pub(super) pipelines: Pipelines,
     pub(super) params: Params,
-    face_params: FaceParams,
+    list_params: ListParams,
     places: LayerLists,
 }
 
@@ -107,14 +107,14 @@ impl DepthLayers {
     pub(super) fn new() -> Self {
         Self {
             params_buffer: GrowingBuffer::new(Resource::Params),
-            face_params_buffer: GrowingBuffer::new(Resource::FaceParams),
+            list_params_buffer: GrowingBuffer::new(Resource::ListParams),
             lists: GrowingBuffer::new(Resource::Lists),
             args: GrowingBuffer::new(Resource::Args),
             depths: GrowingBuffer::new(Resource::Depths),
             reference: None,
             pipelines: Pipelines::new(),
             params: Params::default(),
-            face_params: FaceParams::default(),
+            list_params: ListParams::default(),
             places: LayerLists { tiles: 0, layers: 0 },
         }
     }
@@ -139,30 +139,30 @@ impl DepthLayers {
         let size_px = params.size_px.map(|px| px as usize).into();
         self.places = LayerLists { tiles: params.tile_count() as u64, layers: layers as u64 };
         let mut made = self.params_buffer.reserve(context, size_of::<Params>() as u64)?;
-        made |= self.face_params_buffer.reserve(context, size_of::<FaceParams>() as u64)?;
+        made |= self.list_params_buffer.reserve(context, size_of::<ListParams>() as u64)?;
         made |= self.args.reserve(context, 12)?;
         made |= self.depths.reserve(context, 4 * self.places.depths())?;
         let pieces = FIRST_PIECES_PER_TILE * self.places.tiles;
         made |= self.lists.reserve_list(context, LayerLists::HEAD, PIECE_WORDS, pieces)?;
         made |= OnePlane::keep(&mut self.reference, context, Resource::ReferencePlane, size_px)?;
         self.params = params;
-        self.face_params = FaceParams {
+        self.list_params = ListParams {
             drawn_count: boundary.faces,
             end_pixel: TILE_PIXELS as u32,
             end_tile: self.places.tiles as u32,
             k: layers as u32,
             piece_capacity: self.piece_capacity(),
-            ..FaceParams::default()
+            ..ListParams::default()
         };
         Ok(made)
     }
 
     /// Frees buffers and plane; compiled stages stay.
     pub(super) fn release(&mut self) {
-        let Self { params_buffer, face_params_buffer, lists, args, depths, reference, pipelines, .. } = self;
+        let Self { params_buffer, list_params_buffer, lists, args, depths, reference, pipelines, .. } = self;
         pipelines.unbind();
         *reference = None;
-        [params_buffer, face_params_buffer, lists, args, depths].into_iter().for_each(GrowingBuffer::release);
+        [params_buffer, list_params_buffer, lists, args, depths].into_iter().for_each(GrowingBuffer::release);
     }
 
     /// View of the reference plane, if it is allocated.
@@ -184,7 +184,7 @@ impl DepthLayers {
         vertices: &GrowingBuffer,
         range: &GrowingBuffer,
     ) -> Result<(), RenderError> {
-        let own = [&self.params_buffer, &self.face_params_buffer, &self.lists, &self.args, &self.depths];
+        let own = [&self.params_buffer, &self.list_params_buffer, &self.lists, &self.args, &self.depths];
         let buffers = [&own[..], &[&boundary.list, vertices, range]].concat();
         let planes: Vec<_> = self.reference.iter().map(|plane| (Resource::ReferencePlane, &plane.view)).collect();
         self.pipelines.bind(context, &buffers, &planes)
@@ -205,9 +205,9 @@ impl DepthLayers {
         groups: &Range<usize>,
         pass: &mut wgpu::ComputePass<'_>,
     ) -> Result<(), RenderError> {
-        let face = |group: usize| (group as u32).saturating_mul(FACES_PER_GROUP).min(self.face_params.drawn_count);
-        (self.face_params.first, self.face_params.end) = (face(groups.start), face(groups.end));
-        self.face_params_buffer.write(context, 0, bytemuck::bytes_of(&self.face_params))?;
+        let face = |group: usize| (group as u32).saturating_mul(ELEMENTS_PER_GROUP).min(self.list_params.drawn_count);
+        (self.list_params.first, self.list_params.end) = (face(groups.start), face(groups.end));
+        self.list_params_buffer.write(context, 0, bytemuck::bytes_of(&self.list_params))?;
         self.pipelines.dispatch(context, FACES, groups.len() as u32, pass)
     }
 
@@ -218,8 +218,8 @@ impl DepthLayers {
         most: usize,
         pass: &mut wgpu::ComputePass<'_>,
     ) -> Result<(), RenderError> {
-        self.face_params.end = most as u32;
-        self.face_params_buffer.write(context, 0, bytemuck::bytes_of(&self.face_params))?;
+        self.list_params.end = most as u32;
+        self.list_params_buffer.write(context, 0, bytemuck::bytes_of(&self.list_params))?;
         self.pipelines.dispatch(context, Stage::LayersPlan, 1, pass)?;
         self.pipelines.set(context, PIECES, pass)?;
         pass.dispatch_workgroups_indirect(self.args.get(context)?, 0);
@@ -245,7 +245,7 @@ impl DepthLayers {
         let most = most - most % 2;
         let pieces = (pieces + pieces / 4).min(most).max(pieces);
         self.lists.reserve_list(context, LayerLists::HEAD, PIECE_WORDS, pieces)?;
-        self.face_params.piece_capacity = self.piece_capacity();
+        self.list_params.piece_capacity = self.piece_capacity();
         Ok(())
     }
 

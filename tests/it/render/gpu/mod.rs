@@ -13,6 +13,7 @@ use crate::meshes::{build, grid, noise, sample};
 use std::sync::{Mutex, OnceLock, PoisonError};
 use tetreel::render::Frame;
 use tetreel::render::gpu::context::{Context, ContextOptions, Tier};
+use tetreel::render::gpu::points::Points as GpuPoints;
 use tetreel::render::gpu::raycast::Raycast as GpuRaycast;
 
 /// The GPU of this machine, if there is one; says if not.
@@ -38,6 +39,15 @@ pub fn render(job: &RenderJob) -> Option<Frame> {
     let renderer = RENDERER.get_or_init(|| Mutex::new(GpuRaycast::new(context)));
     let mut renderer = renderer.lock().unwrap_or_else(PoisonError::into_inner);
     Some(renderer.render(job.clone()).unwrap().clone())
+}
+
+/// The frame of a job by its cells as exact points, by one renderer that all tests share.
+pub fn points(job: &RenderJob) -> Option<Frame> {
+    static RENDERER: OnceLock<Mutex<GpuPoints>> = OnceLock::new();
+    let context = context()?;
+    let renderer = RENDERER.get_or_init(|| Mutex::new(GpuPoints::new(context)));
+    let mut renderer = renderer.lock().unwrap_or_else(PoisonError::into_inner);
+    Some(renderer.render(with_points(job, PointStyle::EXACT)).unwrap().clone())
 }
 
 /// A GPU of its own with these options, for tests that count what it makes or that break it.

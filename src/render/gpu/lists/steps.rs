@@ -2,22 +2,22 @@
 
 use super::bands::Band;
 use crate::render::RenderJob;
-use crate::render::gpu::layout::{DEEP, FACES_PER_GROUP, FaceParams, Lists, Params};
+use crate::render::gpu::layout::{DEEP, ELEMENTS_PER_GROUP, ListParams, Lists, Params};
 use crate::render::gpu::readback::Sent;
-use crate::render::gpu::shaders::{FragmentKind, Gathering, Inside, Pass, Precision, Stage};
+use crate::render::gpu::shaders::{FragmentKind, Stage};
 use crate::render::gpu::slices::GROUPS_MAX;
 use crate::render::gpu::target::Target;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// The steps of a frame, in order; those from `StoreFaces` on are repeated for each band.
+/// The steps of a frame, in order; those from `Store` on are repeated for each band.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Step {
-    CountFaces,
+pub(in crate::render::gpu) enum Step {
+    Count,
     CountStarts,
     CountPieces,
     Scan,
-    StoreFaces,
+    Store,
     StoreStarts,
     StorePieces,
     Sort,
@@ -27,29 +27,29 @@ pub(super) enum Step {
 }
 
 /// Number of steps before the end.
-pub(super) const STEPS: usize = 9;
+pub(in crate::render::gpu) const STEPS: usize = 9;
 
 impl Step {
     /// Units of the very first slice, whose cost is unknown.
-    pub(super) fn first_units(self) -> usize {
+    pub(in crate::render::gpu) fn first_units(self) -> usize {
         match self {
-            Self::CountFaces | Self::StoreFaces => 64,
+            Self::Count | Self::Store => 64,
             Self::Sort => 1,
             _ => 32,
         }
     }
 
     /// Fewest units of a slice, whatever they cost: fewer would leave most of the GPU idle, and a slice has a cost of its own.
-    pub(super) fn least_units(self) -> usize {
+    pub(in crate::render::gpu) fn least_units(self) -> usize {
         match self {
-            Self::CountFaces | Self::StoreFaces => 32,
+            Self::Count | Self::Store => 32,
             Self::Sort => 1,
             _ => 4,
         }
     }
 
     /// Most units of a slice.
-    pub(super) fn most_units(self) -> usize {
+    pub(in crate::render::gpu) fn most_units(self) -> usize {
         match self {
             Self::Resolve => GROUPS_MAX as usize,
             // The mask of a round is in the parameters of its slice.
@@ -80,110 +80,129 @@ fn sort_mask(round: usize) -> u32 {
 }
 
 /// Work that has been submitted.
-pub(super) struct Flight {
-    pub(super) step: Step,
-    pub(super) units: usize,
-    pub(super) work: Work,
+pub(in crate::render::gpu) struct Flight {
+    pub(in crate::render::gpu) step: Step,
+    pub(in crate::render::gpu) units: usize,
+    pub(in crate::render::gpu) work: Work,
 }
 
 /// How a slice comes back.
-pub(super) enum Work {
+pub(in crate::render::gpu) enum Work {
     /// Nothing is read back.
     Plain(wgpu::SubmissionIndex),
     /// Resolved pixels; `ends_tiles` if they are the last of their tiles.
     Pixels { sent: Sent, ends_tiles: bool },
 }
 
-/// A job of [`FaceLists`](super::FaceLists).
-pub struct FaceJob {
-    pub(super) job: RenderJob,
-    pub(super) precision: Precision,
-    pub(super) params: Params,
-    pub(super) face_params: FaceParams,
-    pub(super) target: Arc<Target>,
-    pub(super) lists: Lists,
-    pub(super) step: Step,
-    /// First unit of the step that has not been submitted.
-    pub(super) next: usize,
-    /// Number of pieces of large faces.
-    pub(super) pieces: u32,
-    /// Index of the band under way.
-    pub(super) band: usize,
+/// The stages that a job's steps run.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::render::gpu) struct Stages {
+    /// Count and store the fragments of elements.
+    pub(in crate::render::gpu) find: [Stage; 2],
+    /// Count and store those of elements with large boxes, tile by tile.
+    pub(in crate::render::gpu) pieces: [Stage; 2],
+    /// Count and store the rays that begin in a cell, if there are such fragments.
+    pub(in crate::render::gpu) starts: Option<[Stage; 2]>,
+    pub(in crate::render::gpu) sort: Stage,
+    pub(in crate::render::gpu) resolve: Stage,
 }
 
-impl FaceJob {
+impl Stages {
+    /// All of them.
+    pub(in crate::render::gpu) fn all(self) -> impl Iterator<Item = Stage> {
+        let found = [self.find, self.pieces].into_iter().chain(self.starts).flatten();
+        found.chain([Stage::FragmentScan, self.sort, self.resolve])
+    }
+
+    /// The stage of a step; `None` if it has none.
+    pub(in crate::render::gpu) fn of(self, step: Step) -> Option<Stage> {
+        let Self { find: [count, store], pieces: [count_pieces, store_pieces], starts, sort, resolve } = self;
+        match step {
+            Step::Count => Some(count),
+            Step::CountStarts => starts.map(|[count, _]| count),
+            Step::CountPieces => Some(count_pieces),
+            Step::Scan => Some(Stage::FragmentScan),
+            Step::Store => Some(store),
+            Step::StoreStarts => starts.map(|[_, store]| store),
+            Step::StorePieces => Some(store_pieces),
+            Step::Sort => Some(sort),
+            Step::Resolve => Some(resolve),
+            Step::End => None,
+        }
+    }
+}
+
+/// A job of [`FragmentLists`](super::FragmentLists).
+pub struct ListJob {
+    pub(in crate::render::gpu) job: RenderJob,
+    pub(in crate::render::gpu) stages: Stages,
+    pub(in crate::render::gpu) kind: FragmentKind,
+    pub(in crate::render::gpu) params: Params,
+    pub(in crate::render::gpu) list_params: ListParams,
+    pub(in crate::render::gpu) target: Arc<Target>,
+    pub(in crate::render::gpu) lists: Lists,
+    pub(in crate::render::gpu) step: Step,
+    /// First unit of the step that has not been submitted.
+    pub(in crate::render::gpu) next: usize,
+    /// Number of pieces of large elements.
+    pub(in crate::render::gpu) pieces: u32,
+    /// Index of the band under way.
+    pub(in crate::render::gpu) band: usize,
+}
+
+impl ListJob {
     /// Sets `next` to the step's first unit.
-    pub(super) fn begin_step(&mut self, bands: &[Band]) {
+    pub(in crate::render::gpu) fn begin_step(&mut self, bands: &[Band]) {
         self.next = self.units(self.step, bands).start;
     }
 
     /// Units of a step.
-    pub(super) fn units(&self, step: Step, bands: &[Band]) -> Range<usize> {
+    pub(in crate::render::gpu) fn units(&self, step: Step, bands: &[Band]) -> Range<usize> {
         let band = || bands.get(self.band).cloned().unwrap_or_default();
         let is_empty = || band().fragments == 0;
-        let has_starts = self.face_params.eye_count > 0;
-        let groups = self.face_params.drawn_count.div_ceil(FACES_PER_GROUP) as usize;
+        let has_starts = self.stages.starts.is_some() && self.list_params.eye_count > 0;
+        let groups = self.list_params.drawn_count.div_ceil(ELEMENTS_PER_GROUP) as usize;
         match step {
-            Step::CountFaces => 0..groups,
+            Step::Count => 0..groups,
             Step::CountStarts if has_starts => 0..self.params.tile_count(),
             Step::CountPieces => 0..self.pieces as usize,
             Step::Scan => 0..1,
-            Step::StoreFaces if !is_empty() => 0..groups,
+            Step::Store if !is_empty() => 0..groups,
             Step::StoreStarts if has_starts && !is_empty() => band().tiles,
             Step::StorePieces if !is_empty() => 0..self.pieces as usize,
             Step::Sort if band().deepest > DEEP => 0..sort_rounds(band().deepest),
             Step::Resolve => band().tiles,
-            Step::Sort | Step::CountStarts | Step::StoreFaces | Step::StoreStarts | Step::StorePieces | Step::End => {
-                0..0
-            }
+            Step::Sort | Step::CountStarts | Step::Store | Step::StoreStarts | Step::StorePieces | Step::End => 0..0,
         }
     }
 
     /// Writes the next units of a step to the parameters. Returns the number of workgroups.
-    pub(super) fn choose(&mut self, step: Step, units: &Range<usize>) -> u32 {
-        let face_params = &mut self.face_params;
+    pub(in crate::render::gpu) fn choose(&mut self, step: Step, units: &Range<usize>) -> u32 {
+        let list_params = &mut self.list_params;
         let tiles = self.params.tile_count() as u32;
         match step {
-            Step::CountFaces | Step::StoreFaces => {
-                let face = |group: usize| (group as u32).saturating_mul(FACES_PER_GROUP);
-                face_params.first = face(units.start);
-                face_params.end = face(units.end).min(face_params.drawn_count);
+            Step::Count | Step::Store => {
+                let element = |group: usize| (group as u32).saturating_mul(ELEMENTS_PER_GROUP);
+                list_params.first = element(units.start);
+                list_params.end = element(units.end).min(list_params.drawn_count);
             }
-            Step::Scan => (face_params.first, face_params.end) = (0, tiles),
-            Step::Sort => face_params.sort_mask = sort_mask(units.start),
-            _ => (face_params.first, face_params.end) = (units.start as u32, units.end as u32),
+            Step::Scan => (list_params.first, list_params.end) = (0, tiles),
+            Step::Sort => list_params.sort_mask = sort_mask(units.start),
+            _ => (list_params.first, list_params.end) = (units.start as u32, units.end as u32),
         }
         match step {
             Step::Scan => tiles,
-            Step::Sort => face_params.end_tile - face_params.first_tile,
+            Step::Sort => list_params.end_tile - list_params.first_tile,
             _ => units.len() as u32,
         }
     }
-}
-
-/// The stage of a job's step; `None` for `End`.
-pub(super) fn stage(step: Step, job: &RenderJob, precision: Precision) -> Option<Stage> {
-    let kind = FragmentKind::of(job);
-    let (count, store) = (Pass::Count, Pass::Store(kind, Inside::of(job).of_fragments()));
-    Some(match step {
-        Step::CountFaces => Stage::Faces(count, precision),
-        Step::CountStarts => Stage::FaceStarts(count, precision),
-        Step::CountPieces => Stage::FacePieces(count, precision),
-        Step::Scan => Stage::FaceScan,
-        Step::StoreFaces => Stage::Faces(store, precision),
-        Step::StoreStarts => Stage::FaceStarts(store, precision),
-        Step::StorePieces => Stage::FacePieces(store, precision),
-        Step::Sort => Stage::FaceSort(kind),
-        Step::Resolve => Stage::FaceResolve(Gathering::of(job), Inside::of(job), precision),
-        Step::End => return None,
-    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Sorts as `face_sort.wgsl` does it.
+    /// Sorts as `fragments_sort.wgsl` does it.
     fn sorted(mut list: Vec<u32>, rounds: usize) -> Vec<u32> {
         for mask in (0..rounds).map(sort_mask) {
             let (below, count) = ((1usize << mask.ilog2()) - 1, list.len());

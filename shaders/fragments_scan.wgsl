@@ -1,11 +1,11 @@
-// Face scan: turns the fragment count of each pixel into the place of its first fragment in its tile; a workgroup is a tile.
+// Fragments scan: turns the fragment count of each pixel into the place of its first fragment in its tile; a workgroup is a tile.
 // The host sums up the tiles, divides them into bands, and decides whether deep pixels are sorted first.
 
 var<workgroup> sums: array<u32, TILE_PIXELS>;
 var<workgroup> deepest: atomic<u32>;
 
 @compute @workgroup_size(256)
-fn face_scan(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+fn fragments_scan(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let tile = group.x + group.y * groups.x;
     if tile >= tile_count() {
         return;

@@ -1,9 +1,11 @@
-// Layout of the lists of the face renderer. The Rust twin is `Lists` in src/render/gpu/layout.rs.
+// Layout of the lists of fragments. The Rust twin is `Lists` in src/render/gpu/layout.rs.
 //
-// `lists` holds the number of pieces; per tile its fragment count; per tile the count of its deepest pixel, later the slot where
+// `lists` holds the number of pieces, of points without a pixel, and of points that were widened; per tile its fragment count; per tile the count of its deepest pixel, later the slot where
 // the fragments of its first pixel begin; per pixel of each tile its fragment count, later where they begin in the tile, then where
 // they end; the pieces.
 const PIECE_COUNT: u32 = 0u;
+const CULLED: u32 = 1u;
+const ENLARGED: u32 = 2u;
 const LISTS_HEAD: u32 = 4u;
 
 fn sum_of(tile: u32) -> u32 {

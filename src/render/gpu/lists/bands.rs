@@ -6,30 +6,30 @@ use std::ops::Range;
 
 /// Tiles, or some pixels of one tile, that are resolved before the next fragments are stored.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Band {
-    pub(super) tiles: Range<usize>,
+pub(in crate::render::gpu) struct Band {
+    pub(in crate::render::gpu) tiles: Range<usize>,
     /// Pixels of each tile; fewer than all only if one tile alone exceeds the memory.
-    pub(super) pixels: Range<usize>,
-    pub(super) fragments: u32,
+    pub(in crate::render::gpu) pixels: Range<usize>,
+    pub(in crate::render::gpu) fragments: u32,
     /// Largest number of fragments of a pixel.
-    pub(super) deepest: u32,
+    pub(in crate::render::gpu) deepest: u32,
     /// Fragments of the tile's pixels before `pixels`.
-    pub(super) skipped: u32,
+    pub(in crate::render::gpu) skipped: u32,
 }
 
 impl Band {
     /// Whether it contains the last pixels of its tiles.
-    pub(super) fn ends_tiles(&self) -> bool {
+    pub(in crate::render::gpu) fn ends_tiles(&self) -> bool {
         self.pixels.end == TILE_PIXELS
     }
 }
 
 /// Index of each pixel's first fragment within its tile.
-pub(super) type Places = [u32; TILE_PIXELS];
+pub(in crate::render::gpu) type Places = [u32; TILE_PIXELS];
 
 /// Groups tiles into the longest bands of at most `capacity` fragments. `sums` has the fragments of each tile, `deepest` those of its
 /// deepest pixel. `places` reads the places in a tile that exceeds `capacity`; `refused` makes the error for a pixel that does.
-pub(super) fn bands(
+pub(in crate::render::gpu) fn bands(
     sums: &[u32],
     deepest: &[u32],
     capacity: u32,

@@ -1,13 +1,10 @@
-// Face resolve: orders and composites the fragments of each pixel. CPU twins: render/cpu/havs/fragment.rs, light.rs,
-// resolve.rs; render/cpu/havs/mod.rs explains the orders.
+// Light of a ray from its sorted fragments of faces. CPU twins: render/cpu/havs/fragment.rs, light.rs, resolve.rs; render/cpu/havs/mod.rs
+// explains the orders.
 //
 // - In exact order, all faces: sorted by depth, then followed from entries through cell after cell to exits; only paths are
 //   ordered by depth.
 // - In exact order, some faces: sorted by depth, neighbours within rounding by their cells.
 // - Else: sorted by rank, the order of the list, then by depth within a buffer of k fragments.
-//
-// A workgroup is a tile, a thread a pixel; it sorts its fragments where they lie. Those of deep pixels have been sorted
-// (face_sort.wgsl).
 
 fn active_or_none(cell: u32) -> u32 {
     if cell == NONE || is_active(cell) {
@@ -26,70 +23,11 @@ fn cells_at(slot: u32) -> vec2<u32> {
     return vec2(active_or_none(cells.x), active_or_none(cells.y));
 }
 
-// Marks the ray as broken if a loop did not run to its end: software drivers abort loops after a number of rounds (Mesa's after
-// 65,535 of all loops of a pixel together).
-fn expect_end(is_end: bool) {
-    ray_counts.broken |= !is_end;
-}
-
-// Moves for each fragment, on average, after which insertion is given up.
-const PATIENCE: u32 = 4u;
-
-// Sorts a pixel's fragments. They are stored nearly in the order of the list, so that insertion finds most of them in place and
-// reads only their depths. After too many moves Shell sort takes over.
-fn sort(first: u32, count: u32, by_depth: bool) {
-    var moves = 0u;
-    var i = 1u;
-    for (; i < count; i++) {
-        // All fragments before it are sorted: the last of them is the greatest.
-        let depth = depth_at(first + i);
-        let rank = pair(first + i, 1u).y;
-        if comes_before(depth, rank, first + i - 1u, by_depth) {
-            let moving = load_stored(first + i);
-            var at = i;
-            while at > 0u && comes_before(depth, rank, first + at - 1u, by_depth) {
-                store(first + at, load_stored(first + at - 1u));
-                at -= 1u;
-            }
-            store(first + at, moving);
-            moves += i - at;
-            if moves > PATIENCE * (count + 16u) {
-                shell_sort(first, count, by_depth);
-                return;
-            }
-        }
-    }
-    expect_end(i >= count);
-}
-
-fn shell_sort(first: u32, count: u32, by_depth: bool) {
-    var gap = 1u;
-    while gap < count / 3u {
-        gap = 3u * gap + 1u;
-    }
-    while gap > 0u {
-        for (var i = gap; i < count; i++) {
-            let moving = load_stored(first + i);
-            let depth = bitcast<vec2<f32>>(moving.depth);
-            var at = i;
-            while at >= gap && comes_before(depth, moving.scalar_rank.y, first + at - gap, by_depth) {
-                store(first + at, load_stored(first + at - gap));
-                at -= gap;
-            }
-            if at != i {
-                store(first + at, moving);
-            }
-        }
-        gap /= 3u;
-    }
-    expect_end(gap == 0u);
-}
-
 // Whether the fragment (depth, cells) belongs in front of fragment `other`, which is stored before it.
 fn is_before(depth: vec2<f32>, cells: vec2<u32>, other: u32) -> bool {
     let there = depth_at(other);
     let by = (depth.x - there.x) + (depth.y - there.y);
-    if abs(by) > face_params.tie {
+    if abs(by) > list_params.tie {
         return by < 0.0;
     }
     let here = vec2(active_or_none(cells.x), active_or_none(cells.y));
@@ -112,10 +50,10 @@ fn is_before(depth: vec2<f32>, cells: vec2<u32>, other: u32) -> bool {
 fn sort_in_window(first: u32, count: u32, window: u32) {
     for (var i = 1u; i < count; i++) {
         let moving = load_stored(first + i);
-        let depth = bitcast<vec2<f32>>(moving.depth);
+        let depth = moving.depth;
         let stop = max(i, window) - window;
         var at = i;
-        while at > stop && is_before(depth, moving.cells, first + at - 1u) {
+        while at > stop && is_before(depth, moving.more, first + at - 1u) {
             store(first + at, load_stored(first + at - 1u));
             at -= 1u;
         }
@@ -124,14 +62,6 @@ fn sort_in_window(first: u32, count: u32, window: u32) {
         }
     }
 }
-
-struct Rays {
-    hit: bool,
-    stopped_early: bool,
-    broken: bool,
-    out_of_order: u32,
-}
-var<private> ray_counts: Rays;
 
 // Depth from which the depths of the present path are counted, as a sum of two.
 var<private> origin: vec2<f32>;
@@ -223,7 +153,7 @@ fn advance_all(first: u32, count: u32) {
         let cells = cells_at(slot);
         let to = real2(relative(depth_at(slot)), real(scalar_at(slot)));
         if i > 0u && to.x < light.last.x {
-            if cells.x != cell || to.x < light.last.x - real(face_params.tie) {
+            if cells.x != cell || to.x < light.last.x - real(list_params.tie) {
                 ray_counts.out_of_order += 1u;
             } else {
                 // Placed by the cell between the two fragments: the segment is within rounding, so nothing is integrated.
@@ -247,44 +177,13 @@ fn advance_all(first: u32, count: u32) {
     expect_end(i >= count);
 }
 
-fn resolve_pixel(tile: u32, local: u32, pixel: vec2<u32>) {
-    ray_counts = Rays(false, false, false, 0u);
+fn gather(first: u32, count: u32) {
     origin = vec2(0.0);
-    light_transparent(ray_of_pixel(pixel));
-    let fragments = fragments_of(tile, local);
-    let first = fragments.x;
-    let count = fragments.y;
-    let exact_order = (face_params.flags & EXACT_ORDER) != 0u;
-    if count <= DEEP {
-        sort(first, count, exact_order);
-    }
-    if exact_order && (face_params.flags & COMPLETE) != 0u {
+    let exact_order = (list_params.flags & EXACT_ORDER) != 0u;
+    if exact_order && (list_params.flags & COMPLETE) != 0u {
         follow_all(first, count);
     } else {
-        sort_in_window(first, count, select(face_params.k, count, exact_order));
+        sort_in_window(first, count, select(list_params.k, count, exact_order));
         advance_all(first, count);
-    }
-    textureStore(color_plane, pixel, optics.light);
-    textureStore(depth_plane, pixel, vec4(light.visible_from, 0.0, 0.0, 0.0));
-    if count > 0u {
-        atomicAdd(&counts[SEGMENTS], optics.pieces);
-        atomicAdd(&counts[RAYS_HIT], u32(ray_counts.hit));
-        atomicAdd(&counts[STOPPED_EARLY], u32(ray_counts.stopped_early));
-        atomicAdd(&counts[OUT_OF_ORDER], ray_counts.out_of_order);
-        atomicAdd(&counts[BROKEN], u32(ray_counts.broken));
-    }
-}
-
-@compute @workgroup_size(256)
-fn face_resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let tile = face_params.first + group.x + group.y * groups.x;
-    let pixel = pixel_of_thread(tile, local);
-    let is_wanted = local >= face_params.first_pixel && local < face_params.end_pixel;
-    if tile < face_params.end && is_wanted && all(pixel < params.size_px) {
-        resolve_pixel(tile, local, pixel);
-    }
-    workgroupBarrier();
-    if tile < face_params.end && local < COUNTERS {
-        counters[tile * COUNTERS + local] = atomicLoad(&counts[local]);
     }
 }

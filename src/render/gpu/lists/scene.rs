@@ -1,16 +1,15 @@
 //! The parts of a job in the GPU's memory, each sent only when it changes.
 
-use super::faces::{DrawnBuffer, FaceBuffers};
+use super::Elements;
+use super::drawn::DrawnBuffer;
+use super::steps::Stages;
 use crate::render::gpu::buffers::GrowingBuffer;
 use crate::render::gpu::context::Context;
-use crate::render::gpu::layout::{
-    EYE_WORDS, FIRST_PIECES_PER_TILE, FRAGMENT_BYTES, FaceParams, Lists, PIECE_WORDS, Params,
-};
+use crate::render::gpu::layout::{FIRST_PIECES_PER_TILE, FRAGMENT_BYTES, ListParams, Lists, PIECE_WORDS, Params};
 use crate::render::gpu::pipelines::{NO_RECORDS, Pipelines};
 use crate::render::gpu::resources::Resource;
-use crate::render::gpu::shaders::{FragmentKind, Gathering, Inside, Pass, Precision, Stage};
+use crate::render::gpu::shaders::{FragmentKind, Stage};
 use crate::render::gpu::shared_scene::SharedScene;
-use crate::render::gpu::surfaces::CornerBuffer;
 use crate::render::gpu::target::Target;
 use crate::render::{RenderError, RenderJob};
 use crate::visibility::Drawn;
@@ -20,25 +19,23 @@ use std::sync::Arc;
 const FRAGMENTS_MIN: u32 = 1 << 16;
 
 /// All that the stages read and write.
-pub(super) struct Scene {
-    pub(super) shared: SharedScene,
-    pub(super) face_params: GrowingBuffer,
-    corners: CornerBuffer,
-    faces: FaceBuffers,
+pub(in crate::render::gpu) struct Scene<E> {
+    pub(in crate::render::gpu) shared: SharedScene,
+    pub(in crate::render::gpu) elements: E,
+    pub(in crate::render::gpu) list_params: GrowingBuffer,
     drawn: DrawnBuffer,
     /// Counts, places and pieces: [`Lists`].
-    pub(super) lists: GrowingBuffer,
-    pub(super) fragments: [GrowingBuffer; 2],
-    pub(super) pipelines: Pipelines,
+    pub(in crate::render::gpu) lists: GrowingBuffer,
+    pub(in crate::render::gpu) fragments: [GrowingBuffer; 2],
+    pub(in crate::render::gpu) pipelines: Pipelines,
 }
 
-impl Scene {
+impl<E: Elements> Scene<E> {
     pub(super) fn new() -> Self {
         Self {
             shared: SharedScene::new(),
-            face_params: GrowingBuffer::new(Resource::FaceParams),
-            corners: CornerBuffer::new(),
-            faces: FaceBuffers::new(),
+            elements: E::default(),
+            list_params: GrowingBuffer::new(Resource::ListParams),
             drawn: DrawnBuffer::new(),
             lists: GrowingBuffer::new(Resource::Lists),
             fragments: Resource::FRAGMENTS.map(GrowingBuffer::new),
@@ -53,11 +50,10 @@ impl Scene {
         context: &Context,
         job: &RenderJob,
         drawn: &Arc<Drawn>,
-        eye_cells: &[[u32; EYE_WORDS]],
         params: &mut Params,
-        face_params: &mut FaceParams,
+        list_params: &mut ListParams,
     ) -> Result<Arc<Target>, RenderError> {
-        let target = self.update_buffers(context, job, drawn, eye_cells, params, face_params);
+        let target = self.update_buffers(context, job, drawn, params, list_params);
         // Buffers may have been reallocated before one was refused: the old ones are bound.
         if target.is_err() || self.shared.made {
             self.pipelines.unbind();
@@ -68,18 +64,8 @@ impl Scene {
     }
 
     /// Compiles a job's stages unless that has been done; before [`Self::update`].
-    pub(super) fn make_pipelines(
-        &mut self,
-        context: &Context,
-        job: &RenderJob,
-        precision: Precision,
-    ) -> Result<(), RenderError> {
-        let (how, kind, inside) = (Gathering::of(job), FragmentKind::of(job), Inside::of(job));
-        let later = [Stage::FaceScan, Stage::FaceSort(kind), Stage::FaceResolve(how, inside, precision)];
-        let finding = [Pass::Count, Pass::Store(kind, inside.of_fragments())].into_iter().flat_map(|pass| {
-            [Stage::Faces(pass, precision), Stage::FacePieces(pass, precision), Stage::FaceStarts(pass, precision)]
-        });
-        self.pipelines.prepare(context, NO_RECORDS, [Stage::ViewTransform].into_iter().chain(finding).chain(later))
+    pub(super) fn make_pipelines(&mut self, context: &Context, stages: Stages) -> Result<(), RenderError> {
+        self.pipelines.prepare(context, NO_RECORDS, [Stage::ViewTransform].into_iter().chain(stages.all()))
     }
 
     fn update_buffers(
@@ -87,15 +73,14 @@ impl Scene {
         context: &Context,
         job: &RenderJob,
         drawn: &Arc<Drawn>,
-        eye_cells: &[[u32; EYE_WORDS]],
         params: &mut Params,
-        face_params: &mut FaceParams,
+        list_params: &mut ListParams,
     ) -> Result<Arc<Target>, RenderError> {
         self.shared.upload(context, job, params)?;
-        self.shared.made |= self.face_params.reserve(context, size_of::<FaceParams>() as u64)?;
-        self.shared.note(self.corners.upload(context, job)?);
-        self.shared.note(self.faces.upload(context, &job.mesh)?);
-        self.shared.note(self.drawn.upload(context, drawn, eye_cells)?);
+        self.shared.made |= self.list_params.reserve(context, size_of::<ListParams>() as u64)?;
+        let uploaded = self.elements.upload(context, job, list_params)?;
+        self.shared.note(uploaded);
+        self.shared.note(self.drawn.upload(context, drawn, self.elements.behind_list())?);
         self.shared.upload_active(context, job)?;
         let (target, _) = self.shared.resize(context, params)?;
         let lists = Lists { tiles: params.tile_count() as u64 };
@@ -104,8 +89,7 @@ impl Scene {
         for fragments in &mut self.fragments {
             self.shared.made |= fragments.reserve(context, FRAGMENT_BYTES)?;
         }
-        face_params.face_part = self.faces.part as u32;
-        face_params.piece_capacity = self.lists.list_capacity(lists.pieces(), PIECE_WORDS);
+        list_params.piece_capacity = self.lists.list_capacity(lists.pieces(), PIECE_WORDS);
         Ok(target)
     }
 
@@ -115,10 +99,10 @@ impl Scene {
         context: &Context,
         lists: Lists,
         pieces: u64,
-        face_params: &mut FaceParams,
+        list_params: &mut ListParams,
     ) -> Result<(), RenderError> {
         self.lists.reserve_list(context, lists.pieces(), PIECE_WORDS, pieces + pieces / 4)?;
-        face_params.piece_capacity = self.lists.list_capacity(lists.pieces(), PIECE_WORDS);
+        list_params.piece_capacity = self.lists.list_capacity(lists.pieces(), PIECE_WORDS);
         self.pipelines.unbind();
         self.bind(context)
     }
@@ -136,7 +120,7 @@ impl Scene {
         kind: FragmentKind,
         fragments: u32,
         capacity: u32,
-        face_params: &mut FaceParams,
+        list_params: &mut ListParams,
     ) -> Result<(), RenderError> {
         let room = |buffer: &GrowingBuffer| buffer.bytes() / kind.bytes();
         let [first, second] = &self.fragments;
@@ -153,15 +137,15 @@ impl Scene {
                 self.bind(context)?;
             }
         }
-        face_params.fragment_part = u32::try_from(room(&self.fragments[0])).unwrap_or(u32::MAX);
+        list_params.fragment_part = u32::try_from(room(&self.fragments[0])).unwrap_or(u32::MAX);
         Ok(())
     }
 
     /// Makes the bind groups that are missing.
     fn bind(&mut self, context: &Context) -> Result<(), RenderError> {
         let (mut buffers, planes) = (self.shared.buffers(), self.shared.planes());
-        buffers.extend([&self.face_params, &self.lists, &self.drawn.buffer, &self.corners.buffer]);
-        buffers.extend(&self.faces.parts);
+        buffers.extend([&self.list_params, &self.lists, &self.drawn.buffer]);
+        buffers.extend(self.elements.buffers());
         buffers.extend(&self.fragments);
         self.pipelines.bind(context, &buffers, &planes)
     }
