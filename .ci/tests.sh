@@ -45,6 +45,17 @@ tests_that_were_skipped() {
     run_tests cargo test --lib --test it -- --exact $names
 }
 
+# The test that takes gigabytes, where they are free.
+ten_million_points() {
+    local free
+    free=$(sed -n 's/^MemAvailable: *\([0-9]*\) kB$/\1/p' /proc/meminfo)
+    if [ "$free" -lt 6000000 ]; then
+        echo "SKIPPED cloud::ten_million_points_add_up: $free kB of memory are free, of 6000000"
+        return
+    fi
+    run_tests cargo test --test it -- --ignored --exact cloud::ten_million_points_add_up
+}
+
 # Shows that a test ends at a message of the validation layer: at the one that says that it is there, which counts in tests no more than
 # other information does.
 validation_messages_fail() {

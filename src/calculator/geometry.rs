@@ -57,6 +57,11 @@ impl Geometry {
         if association == Association::Point { self.of_source } else { self.ends.len() }
     }
 
+    /// Whether a cell has a volume.
+    pub(super) fn has_volume(&self) -> bool {
+        self.volumes.iter().any(|volume| *volume > 0.0)
+    }
+
     fn tets(&self, cell: usize) -> &[[u32; 4]] {
         let begin = cell.checked_sub(1).map_or(0, |before| self.ends[before]);
         &self.tets[begin..self.ends[cell]]

@@ -228,7 +228,13 @@ impl Calculated {
             }
             Step::Gradient(of) => {
                 let values = value(of)?;
-                self.geometry()?.gradient(&values, association)
+                let geometry = self.geometry()?;
+                if !geometry.has_volume() {
+                    let problem =
+                        "gradients need cells with a volume, and there is none: a cloud of points has no cells";
+                    return Err(FileError::unsupported(self.source.describe(), "", problem).remedy("leave them out"));
+                }
+                geometry.gradient(&values, association)
             }
         })
     }

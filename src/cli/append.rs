@@ -108,9 +108,18 @@ impl Job<'_> {
         } else {
             let (fields, units) = (self.args.fields.to_vec(), self.args.units.to_vec());
             let codec = self.codec.clone().unwrap_or_default();
-            let Args { cells_to_points, connectivity, .. } = *self.args;
-            let options =
-                IngestOptions { fields, units, steps, codec, cells_to_points, connectivity, ..Default::default() };
+            let Args { cells_to_points, connectivity, radius, volume, .. } = *self.args;
+            let options = IngestOptions {
+                fields,
+                units,
+                steps,
+                codec,
+                cells_to_points,
+                connectivity,
+                radius,
+                volume,
+                ..Default::default()
+            };
             let created = ingest(&*series, self.output, &options, terminal, &terminal.cancel);
             match created {
                 // Another process has created the store.

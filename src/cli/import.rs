@@ -78,6 +78,14 @@ pub(super) struct Args {
     /// the cells' faces have no partner (of 64 cells at least)
     #[arg(long, value_name = "HOW", default_value = "auto")]
     pub(super) connectivity: ConnectivityChoice,
+    /// Radius of the points of a cloud, in place of what the source has (the field or array radius) or of half the distance to the fourth
+    /// nearest point
+    #[arg(long, value_name = "R", allow_hyphen_values = true, value_parser = size)]
+    pub(super) radius: Option<f64>,
+    /// Volume of the points of a cloud, in place of what the source has (the field or array volume) or of that of the balls: the thickness
+    /// of a point is its chord times the ratio
+    #[arg(long, value_name = "V", allow_hyphen_values = true, value_parser = size)]
+    pub(super) volume: Option<f64>,
     /// Check the mesh and the fields of every step, and say what would be imported; write nothing
     #[arg(long)]
     dry_run: bool,
@@ -120,8 +128,20 @@ fn import(args: &Args, codec: CodecChoice, terminal: &Terminal) -> anyhow::Resul
     let (fields, units) = (args.fields.clone(), args.units.clone());
     let steps = steps::within_series(args.steps, series.times().len(), terminal);
     let (overwrite, cells_to_points, connectivity) = (args.overwrite, args.cells_to_points, args.connectivity);
+    let (radius, volume) = (args.radius, args.volume);
     let checkpoints = args.resume.map(|pause| Checkpoints { pause: Duration::from_secs_f64(pause) });
-    let options = IngestOptions { fields, units, steps, overwrite, codec, cells_to_points, connectivity, checkpoints };
+    let options = IngestOptions {
+        fields,
+        units,
+        steps,
+        overwrite,
+        codec,
+        cells_to_points,
+        connectivity,
+        radius,
+        volume,
+        checkpoints,
+    };
     let (false, Some(output)) = (args.dry_run, &args.output) else {
         check_fields(&*series, &options)?;
         let plan = Plan::of(&*series, args, &options, terminal)?;
@@ -146,6 +166,11 @@ pub(super) fn source(args: &Args, stored: &[FieldSelector]) -> FileResult<Box<dy
 fn pause(text: &str) -> Result<f64, String> {
     let seconds = text.parse().ok().filter(|s: &f64| (0.0..=FOLLOW_MAX).contains(s));
     seconds.ok_or_else(|| format!("'{text}' is no number of seconds from 0 to {FOLLOW_MAX}"))
+}
+
+fn size(text: &str) -> Result<f64, String> {
+    let size = text.parse().ok().filter(|size: &f64| *size > 0.0 && size.is_finite());
+    size.ok_or_else(|| format!("'{text}' is no number above 0"))
 }
 
 fn seconds(text: &str) -> Result<f64, String> {

@@ -8,7 +8,7 @@
 
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, Component, FieldInfo, FieldSelector, SeriesSource, TimeAxis};
-use crate::mesh::{Cells, Mesh, RawMesh, Solids};
+use crate::mesh::{Cells, Mesh, RawMesh, Solids, ball_volume};
 use crate::store::{FieldReader, Store, StoredField};
 use std::collections::HashSet;
 use std::sync::{Mutex, PoisonError};
@@ -34,9 +34,11 @@ impl<'a> StoredSeries<'a> {
     /// # Errors
     /// If the mesh cannot be read, or a field does not exist.
     pub fn new(store: &'a Store, selectors: &[FieldSelector]) -> FileResult<Self> {
-        let Mesh { topology, positions, vertex_source, cell_source, cell_turned, split_cells, .. } = store.mesh()?;
+        let mesh = store.mesh()?;
+        let Mesh { topology, positions, vertex_source, cell_source, cell_turned, split_cells, radii, filling, .. } =
+            &mesh;
         let added: HashSet<u32> = split_cells.steiner.iter().map(|&[_, vertex]| vertex).collect();
-        let mut vertices = order_of(&vertex_source);
+        let mut vertices = order_of(vertex_source);
         vertices.retain(|vertex| !added.contains(vertex));
         let as_read = store.source_points()?;
         let point = |v: u32| as_read.as_ref().map_or_else(|| positions.world(v as usize), |points| points[v as usize]);
@@ -45,7 +47,7 @@ impl<'a> StoredSeries<'a> {
         for (rank, &vertex) in (0_u32..).zip(&vertices) {
             ranks[vertex as usize] = rank;
         }
-        let by_source = order_of(&cell_source);
+        let by_source = order_of(cell_source);
         let mut cells = by_source.clone();
         cells.retain(|&cell| split_cells.source.binary_search(&cell_source[cell as usize]).is_err());
         let tet = |&cell: &u32| {
@@ -67,18 +69,23 @@ impl<'a> StoredSeries<'a> {
                 .remedy("import the series again")
             })?);
         }
+        let of_kind = match radii {
+            // The vertex of each is at all of its corners.
+            Some(radii) => {
+                let radius = |&cell: &u32| positions.scale * f64::from(radii[cell as usize]);
+                // In this order nothing on the way leaves f64 that the volume does not.
+                let volume =
+                    |cell: &u32| (0..3).fold(mesh.filling_of(*cell) * ball_volume(1.0), |v, _| v * radius(cell));
+                let points = tets.into_iter().map(|[vertex, ..]| vertex).collect();
+                let volumes = filling.iter().flat_map(|_| cells.iter().map(volume)).collect();
+                Cells { points, radii: cells.iter().map(radius).collect(), volumes, ..Cells::default() }
+            }
+            None => Cells { tets, solids, ..Cells::default() },
+        };
         let chosen = chosen(store, selectors)?.into_iter();
         let (fields, readers) = chosen.map(|Group { info, components }| (info, components)).unzip();
         let buffer = Mutex::new(Vec::new());
-        Ok(Self {
-            store,
-            mesh: RawMesh { points, cells: Cells { tets, solids, ..Cells::default() } },
-            fields,
-            readers,
-            vertices,
-            cells,
-            buffer,
-        })
+        Ok(Self { store, mesh: RawMesh { points, cells: of_kind }, fields, readers, vertices, cells, buffer })
     }
 }
 

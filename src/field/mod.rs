@@ -13,6 +13,10 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
+/// Names of the fields of points that have the radii and the volumes of a cloud, in the first step.
+pub(crate) const RADIUS: &str = "radius";
+pub(crate) const VOLUME: &str = "volume";
+
 /// Times of the steps, as stored in the file (never index * dt), in the file's unit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TimeAxis {

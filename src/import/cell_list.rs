@@ -1,6 +1,6 @@
 //! Cells as VTK lists them, in whatever file: a type each, and where its vertices end in one list of all.
 
-use super::cells::{GridReader, Kind, kind_of, name_of, refuse_solid};
+use super::cells::{GridReader, Kind, VERTEX_TYPES, kind_of, name_of, refuse_solid};
 use crate::error::{FileError, FileResult};
 use crate::mesh::polyhedron::take_faces;
 use std::path::Path;
@@ -73,6 +73,9 @@ impl CellList<'_> {
             }
             let named = |problem: String| FileError::invalid(self.path, format!("cell {i}"), problem);
             match self.read_type(i, cell_type)? {
+                (number, Kind::Flat) if VERTEX_TYPES.contains(&number) => {
+                    grid.push_points(i, number, vertices, points, first_point).map_err(invalid)?;
+                }
                 (flat, Kind::Flat) => grid.skip(flat, 1),
                 (_, Kind::Polyhedron) => {
                     let faces = of_cell.unwrap_or(Ok(None)).map_err(|problem| named(problem.to_owned()))?;

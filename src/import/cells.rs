@@ -72,6 +72,9 @@ const CELL_TYPES: &[(u8, &str, Kind)] = &[
     (80, "Bezier wedge", Kind::Solid(Wedge, AnyOrder)), (81, "Bezier pyramid", Kind::Solid(Pyramid, AnyOrder)),
 ];
 
+/// VTK's numbers of a vertex, and of several as one cell.
+pub(super) const VERTEX_TYPES: [u8; 2] = [1, 2];
+
 /// Collects the mesh of a step, piece by piece.
 #[derive(Default)]
 pub(super) struct GridReader {
@@ -81,6 +84,8 @@ pub(super) struct GridReader {
     tets: Vec<u32>,
     /// Likewise for the cells of other shapes.
     solids: Vec<u32>,
+    /// Likewise for points that are cells, which are the mesh where there are no other cells.
+    points: Vec<u32>,
     /// Number of cells of all complete pieces.
     pub(super) cells: usize,
     /// Number of cells that are split, by type.
@@ -170,6 +175,38 @@ impl GridReader {
         Ok(())
     }
 
+    /// Adds the points of cell `cell` of the current piece, a vertex or several, as [`Self::push`]. They are the mesh if there is nothing with
+    /// a volume.
+    ///
+    /// # Errors
+    /// If one is no point.
+    pub(super) fn push_points(
+        &mut self,
+        cell: usize,
+        number: u8,
+        vertices: &[u64],
+        points: usize,
+        first_point: usize,
+    ) -> Result<(), String> {
+        if let Some(vertex) = vertices.iter().find(|&&vertex| vertex >= points as u64) {
+            return Err(format!("cell {cell} has vertex {vertex}, but there are {points} points"));
+        }
+        self.skip(number, 1);
+        self.mesh.cells.points.extend(vertices.iter().map(|&vertex| (first_point + vertex as usize) as u32));
+        self.points.resize(self.mesh.cells.points.len(), (self.cells + cell) as u32);
+        Ok(())
+    }
+
+    /// Ends the mesh: points are its cells if there are no others.
+    pub(super) fn finish(&mut self) {
+        if self.tets.is_empty() && self.solids.is_empty() {
+            VERTEX_TYPES.iter().for_each(|number| _ = self.skipped.remove(number));
+        } else {
+            let cells = &mut self.mesh.cells;
+            (self.points, cells.points, cells.radii, cells.volumes) = Default::default();
+        }
+    }
+
     /// Adds cell `cell` of the current piece, of this file, a polyhedron with these faces, as [`Self::push`]. One whose faces do not
     /// close is left out, and counted.
     ///
@@ -203,8 +240,8 @@ impl GridReader {
 
     /// Index of each cell of the mesh among all cells of all pieces; `None` if it is the same.
     pub(super) fn kept(&self) -> Option<Vec<u32>> {
-        let kept = || self.tets.iter().chain(&self.solids).copied();
-        let all = self.tets.len() + self.solids.len() == self.cells && kept().is_sorted();
+        let kept = || self.tets.iter().chain(&self.solids).chain(&self.points).copied();
+        let all = self.mesh.cells.len() == self.cells && kept().is_sorted_by(|a, b| a < b);
         (!all).then(|| kept().collect())
     }
 

@@ -8,7 +8,7 @@ use super::pieces::{Piece, decode, fields_of};
 use super::tally::Tally;
 use crate::error::{FileError, FileResult};
 use crate::field::{Association, Blocks, Component, FieldInfo, SeriesSource, TimeAxis};
-use crate::mesh::{RawMesh, gather};
+use crate::mesh::{Cells, RawMesh, gather};
 use std::collections::HashSet;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
@@ -44,6 +44,7 @@ pub(super) trait StepReader: Send + Sync + Sized {
     fn read_grid(&self) -> FileResult<GridReader> {
         let mut grid = GridReader::default();
         self.pieces().iter().try_for_each(|piece| piece.add_to(&mut grid))?;
+        grid.finish();
         Ok(grid)
     }
 
@@ -131,7 +132,7 @@ impl<S: StepReader> Series<S> {
                 "",
                 format!("has no cells with a volume ({found})"),
             )
-            .remedy("write a volume mesh: tetrahedra, hexahedra, wedges, pyramids, prisms or polyhedra"));
+            .remedy("write a volume mesh: tetrahedra, hexahedra, wedges, pyramids, prisms or polyhedra; or a cloud of vertices"));
         }
         notes.extend(grid.notes());
         let (fields, mut left_out) = fields_of(first.reader.pieces());
@@ -487,6 +488,8 @@ fn hash_points(mesh: &RawMesh) -> u64 {
 
 fn hash_cells(grid: &GridReader) -> u64 {
     let mut state = DefaultHasher::new();
-    (&grid.mesh.cells.tets, &grid.mesh.cells.solids, grid.kept()).hash(&mut state);
+    let Cells { tets, solids, points, radii, volumes } = &grid.mesh.cells;
+    (tets, solids, points, grid.kept()).hash(&mut state);
+    radii.iter().chain(volumes).for_each(|size| size.to_bits().hash(&mut state));
     state.finish()
 }

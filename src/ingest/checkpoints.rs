@@ -44,9 +44,14 @@ pub(super) fn recipe(
         checksum(bytemuck::cast_slice(&mesh.vertex_source)),
         checksum(bytemuck::cast_slice(&mesh.cell_source)),
     ];
-    let without = match mesh.is_connected {
-        true => String::new(),
-        false => ", without connectivity".to_owned(),
+    let without = match &mesh.radii {
+        Some(radii) => {
+            let of = |sizes: &[f32]| checksum(bytemuck::cast_slice(sizes));
+            let filling = mesh.filling.as_ref().map_or(String::new(), |filling| format!(", filling {}", of(filling)));
+            format!(", radii {}{filling}", of(radii))
+        }
+        None if mesh.is_connected => String::new(),
+        None => ", without connectivity".to_owned(),
     };
     let subject = |name: &str, lines: Vec<String>| (name.to_owned(), lines);
     vec![

@@ -27,7 +27,7 @@ pub use options::{FieldUnits, IngestOptions, StepRange, StepRangeError};
 pub use report::{FieldReport, IngestError, IngestReport, StageSeconds};
 
 use crate::error::{FileError, FileResult};
-use crate::field::{Association, SeriesSource, TimeAxis};
+use crate::field::{Association, FieldInfo, RADIUS, SeriesSource, TimeAxis, VOLUME};
 use crate::mesh::{Mesh, RawMesh, RepairReport};
 use crate::moments::Moments;
 use crate::store::{FieldDescription, FieldWriter, MeanWeights, SourcePoints, StoreWriter};
@@ -132,10 +132,11 @@ struct BuiltMesh {
 impl BuiltMesh {
     fn of(source: &dyn SeriesSource, options: &IngestOptions, cancel: &Cancel) -> Result<Self, IngestError> {
         let raw = source.mesh().map_err(IngestError::Source)?;
+        let raw = sized(source, raw, options)?;
         let counts = [raw.points.len(), raw.cells.len()];
         let (points, line) = (SourcePoints::of(&raw.points), checkpoints::line_of(&raw));
         check_cancel(cancel)?;
-        let (mesh, repair) = mesh_of(source, raw, options)?;
+        let (mesh, repair) = built(source, raw, options)?;
         let repair = repair.with_cell_numbers(|cell| source.cell_number(cell));
         Ok(Self { mesh, repair, counts, points, line })
     }
@@ -157,17 +158,62 @@ impl BuiltMesh {
     }
 }
 
-/// The mesh of a source from its points and cells.
+/// The mesh of a source from its points and cells; a cloud has the radii and volumes of the options, else those of the source.
 ///
 /// # Errors
-/// If the points and cells make no mesh.
+/// If the points and cells make no mesh, or radii or volumes cannot be read, or there is one for a mesh of cells.
 pub fn mesh_of(
     source: &dyn SeriesSource,
     raw: RawMesh,
     options: &IngestOptions,
 ) -> Result<(Mesh, RepairReport), IngestError> {
-    let mesh = Mesh::build_as(raw, options.connectivity);
+    built(source, sized(source, raw, options)?, options)
+}
+
+/// The points and cells of a source; those of a cloud with the radii and volumes of the options, else of the source, if these have some.
+fn sized(source: &dyn SeriesSource, mut raw: RawMesh, options: &IngestOptions) -> Result<RawMesh, IngestError> {
+    if !raw.cells.are_points() {
+        for (name, size) in [(RADIUS, options.radius), (VOLUME, options.volume)] {
+            if size.is_some() {
+                let problem = format!("is a mesh of cells, and a {name} is of points alone");
+                let remedy = format!("leave --{name} out");
+                return Err(FileError::unsupported(source.describe(), "", problem).remedy(remedy).into());
+            }
+        }
+        return Ok(raw);
+    }
+    let cells = &mut raw.cells;
+    for (name, size, sizes) in
+        [(RADIUS, options.radius, &mut cells.radii), (VOLUME, options.volume, &mut cells.volumes)]
+    {
+        if let Some(size) = size {
+            *sizes = vec![size; cells.points.len()];
+        } else if sizes.is_empty() {
+            *sizes = sizes_of(source, name, &cells.points).map_err(IngestError::Source)?;
+        }
+    }
+    Ok(raw)
+}
+
+/// The mesh of points and cells that have their sizes.
+fn built(
+    source: &dyn SeriesSource,
+    raw: RawMesh,
+    options: &IngestOptions,
+) -> Result<(Mesh, RepairReport), IngestError> {
+    let mesh = if raw.cells.are_points() { Mesh::build_cloud(&raw) } else { Mesh::build_as(raw, options.connectivity) };
     mesh.map_err(|error| IngestError::Mesh { source_name: source.describe(), error })
+}
+
+/// The values of the field of points of that name at points, in the first step; none if there is no such field.
+fn sizes_of(source: &dyn SeriesSource, name: &str, points: &[u32]) -> FileResult<Vec<f64>> {
+    let is_of_points = |field: &&FieldInfo| (field.association, field.components) == (Association::Point, 1);
+    let Some(field) = source.fields().iter().filter(is_of_points).find(|field| field.name == name) else {
+        return Ok(Vec::new());
+    };
+    let mut of_points = Vec::new();
+    source.read_f64(field, 0, 0, &mut of_points)?;
+    Ok(points.iter().map(|&point| of_points.get(point as usize).copied().unwrap_or(f64::NAN)).collect())
 }
 
 /// Checks that the source has the fields and units that `options` names; reads and writes nothing.

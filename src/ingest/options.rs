@@ -151,6 +151,11 @@ pub struct IngestOptions {
     pub cells_to_points: bool,
     /// Whether faces and neighbours are derived and stored.
     pub connectivity: ConnectivityChoice,
+    /// Radius of the points of a cloud, in place of those that the source has; `None`: these, else half the distance to the fourth nearest
+    /// point.
+    pub radius: Option<f64>,
+    /// Volume of the points of a cloud, in place of those that the source has; `None`: these, else those of the balls.
+    pub volume: Option<f64>,
     /// Whether an existing store is replaced.
     pub overwrite: bool,
     /// How often the state is kept in the folder `NAME.partial` beside the store NAME. If this import ends early, another one with the same

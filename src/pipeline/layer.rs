@@ -318,6 +318,11 @@ pub enum RequestError {
         "{0} go from cell to cell, and the mesh was imported without connectivity; import the series again with --connectivity full, or choose --mode points without them"
     )]
     Unconnected(&'static str),
+    /// Points without cells cannot be drawn like that.
+    #[error(
+        "{0} need cells, and the series is of points alone; choose --mode points with footprint square, circle or ellipse, without them"
+    )]
+    OfPoints(&'static str),
     /// The store has no field of that name beside the one shown.
     #[error("the field beside {0}")]
     NoFieldBeside(String),

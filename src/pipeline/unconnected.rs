@@ -1,15 +1,20 @@
-//! What cannot be drawn of cells without connectivity.
+//! What cannot be drawn of cells without connectivity, and of points without cells.
 
 use super::{DrawnBy, FrameRequest, RequestError, TetLayer};
 use crate::mesh::Mesh;
+use crate::render::points::Footprint;
 
-/// Refuses what goes from cell to cell of a mesh without connectivity.
+/// Refuses what goes from cell to cell of a mesh without connectivity, and what needs cells of a cloud.
 ///
 /// # Errors
 /// The first of these that the layer or the request has.
 pub(super) fn check(mesh: &Mesh, layer: &TetLayer, by: DrawnBy, request: &FrameRequest) -> Result<(), RequestError> {
     if mesh.is_connected {
         return Ok(());
+    }
+    if mesh.is_cloud() {
+        return first(&of_cells(layer, by), RequestError::OfPoints)
+            .and_then(|()| first(&of_neighbours(layer, by, request), RequestError::OfPoints));
     }
     first(&of_neighbours(layer, by, request), RequestError::Unconnected)
 }
@@ -29,5 +34,17 @@ fn of_neighbours(layer: &TetLayer, by: DrawnBy, request: &FrameRequest) -> [(boo
         (!layer.domain.is_empty(), "surfaces of the domain and of regions"),
         (has_edges, "edges of an image that is enlarged"),
         (request.residual.is_some(), "details of earlier frames"),
+    ]
+}
+
+/// What looks into cells, and whether it is asked for.
+fn of_cells(layer: &TetLayer, by: DrawnBy) -> [(bool, &'static str); 5] {
+    let is_exact = by.points().is_some_and(|style| style.footprint == Footprint::Exact);
+    [
+        (by == DrawnBy::Reference, "segments of the reference"),
+        (is_exact, "exact footprints"),
+        (!layer.surfaces.is_empty(), "isosurfaces"),
+        (layer.cuts.iter().any(|cut| !cut.clips), "sections"),
+        (layer.shading.volume || layer.table.joint().is_some(), "gradients"),
     ]
 }

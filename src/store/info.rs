@@ -3,7 +3,7 @@
 use super::Store;
 use super::blocks::{self, BlockInfo};
 use super::field::StoredField;
-use super::layout::StoredConnectivity;
+use super::layout::{StoredConnectivity, StoredKind};
 use super::writer::bytes_on_disk;
 use crate::error::FileResult;
 use crate::field::Association;
@@ -29,6 +29,9 @@ pub struct StoreInfo {
 /// Summary of the mesh.
 #[derive(Clone, Debug, Serialize)]
 pub struct MeshInfo {
+    /// What the mesh is of; left out for cells.
+    #[serde(skip_serializing_if = "StoredKind::is_cells")]
+    pub kind: StoredKind,
     /// Number of vertices.
     pub vertices: u64,
     /// Number of tetrahedra.
@@ -75,6 +78,7 @@ impl StoreInfo {
         let root = store.attributes.clone();
         Ok(Self {
             mesh: MeshInfo {
+                kind: mesh.kind,
                 vertices: mesh.vertices,
                 cells: mesh.cells,
                 bounds: mesh.attributes.bounds,
@@ -99,6 +103,18 @@ impl StoreInfo {
     }
 }
 
+impl StoreInfo {
+    /// The radii and volumes of a cloud, as far as the store says them.
+    fn sizes_text(&self) -> String {
+        let text = |name: &str| {
+            let ends = self.mesh.repair.get("cloud")?.get(name)?;
+            let [lo, hi] = [ends.get(0)?.as_f64()?, ends.get(1)?.as_f64()?].map(Short);
+            Some(format!(", {name} {lo} to {hi}"))
+        };
+        ["radius", "volume"].into_iter().filter_map(text).collect()
+    }
+}
+
 /// A range of values for a line of text.
 pub(crate) fn range_text(range: Option<[f32; 2]>) -> String {
     range.map_or("no finite value".to_owned(), |[lo, hi]| format!("{} to {}", Short(lo), Short(hi)))
@@ -107,7 +123,12 @@ pub(crate) fn range_text(range: Option<[f32; 2]>) -> String {
 impl fmt::Display for StoreInfo {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let without = if self.mesh.connectivity.is_full() { "" } else { ", without connectivity (drawn as points)" };
-        writeln!(f, "mesh     {} cells, {} vertices{without}", self.mesh.cells, self.mesh.vertices)?;
+        match self.mesh.kind {
+            StoredKind::Cells => {
+                writeln!(f, "mesh     {} cells, {} vertices{without}", self.mesh.cells, self.mesh.vertices)?;
+            }
+            StoredKind::Points => writeln!(f, "cloud    {} points{}", self.mesh.vertices, self.sizes_text())?,
+        }
         if let Some([lo, hi]) = self.mesh.bounds {
             writeln!(f, "bounds   {lo:?} to {hi:?}")?;
         }

@@ -14,6 +14,11 @@ use zarrs_metadata::v3::GroupMetadataV3;
 /// 1.1: fields of cells, weights of means, cells of the source that were split. Readers of 1.0 read the rest; appending they would lose it.
 /// 1.2: meshes without connectivity, which readers of 1.1 derive.
 const STORE_VERSION: [u32; 2] = [1, 2];
+/// Version of a store of points without cells (`kind: points`), which readers of meshes refuse by its major number.
+/// 2.1: their volumes (`filling`), which readers of 2.0 take for those of balls.
+const CLOUD_VERSION: [u32; 2] = [2, 1];
+/// Version of a cloud without volumes.
+const USUAL_CLOUD_VERSION: [u32; 2] = [2, 0];
 /// Version of a store with nothing newer in it.
 const USUAL_VERSION: [u32; 2] = [1, 1];
 /// Version of the derived arrays (faces, face_cells, neighbours, moments); those of other versions are derived again or ignored.
@@ -63,6 +68,9 @@ pub(super) struct RootAttributes {
     pub(super) tetreel_store: String,
     /// Version of the software that wrote it.
     pub(super) tetreel: String,
+    /// What the mesh is of; absent for cells.
+    #[serde(default, skip_serializing_if = "StoredKind::is_cells")]
+    pub(super) kind: StoredKind,
     /// What the series was read from.
     #[serde(default)]
     pub(super) source: String,
@@ -72,6 +80,24 @@ pub(super) struct RootAttributes {
     /// Number of appends.
     #[serde(default)]
     pub(super) revision: u64,
+}
+
+/// What a stored mesh is of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum StoredKind {
+    /// Tetrahedra.
+    #[default]
+    Cells,
+    /// Points with radii: a cloud.
+    Points,
+}
+
+impl StoredKind {
+    /// Whether it is of tetrahedra: stores do not say so.
+    pub fn is_cells(&self) -> bool {
+        *self == Self::Cells
+    }
 }
 
 /// Attributes of the mesh.
@@ -92,6 +118,9 @@ pub(super) struct MeshAttributes {
     /// Whether the arrays of faces and neighbours are there; absent where they are.
     #[serde(default, skip_serializing_if = "StoredConnectivity::is_full")]
     pub(super) connectivity: StoredConnectivity,
+    /// Whether a cloud has an array of volumes over those of balls; absent where it has not.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub(super) has_volumes: bool,
 }
 
 /// The connectivity of a stored mesh.
@@ -165,8 +194,13 @@ pub(crate) fn store_version() -> String {
 }
 
 /// The version of a store with this mesh as text.
-pub(super) fn version_with(mesh: &MeshAttributes) -> String {
-    text_of(if mesh.connectivity.is_full() { USUAL_VERSION } else { STORE_VERSION })
+pub(super) fn version_with(kind: StoredKind, mesh: &MeshAttributes) -> String {
+    text_of(match kind {
+        StoredKind::Points if mesh.has_volumes => CLOUD_VERSION,
+        StoredKind::Points => USUAL_CLOUD_VERSION,
+        StoredKind::Cells if mesh.connectivity.is_full() => USUAL_VERSION,
+        StoredKind::Cells => STORE_VERSION,
+    })
 }
 
 fn text_of([major, minor]: [u32; 2]) -> String {
@@ -204,7 +238,11 @@ pub(super) fn read_root(root: &Path) -> FileResult<RootAttributes> {
     }
     let attributes: RootAttributes = read_group(root, "")?;
     let major = attributes.tetreel_store.split('.').next().and_then(|v| v.parse::<u32>().ok());
-    if major != Some(STORE_VERSION[0]) {
+    let is_known = match attributes.kind {
+        StoredKind::Cells => major == Some(STORE_VERSION[0]),
+        StoredKind::Points => major == Some(CLOUD_VERSION[0]),
+    };
+    if !is_known {
         let (theirs, ours) = (&attributes.tetreel_store, store_version());
         let problem = format!("store version {theirs}, written by tetreel {}; this reads {ours}", attributes.tetreel);
         return Err(FileError::unsupported(root, "zarr.json", problem).remedy("import the series again"));
@@ -215,10 +253,11 @@ pub(super) fn read_root(root: &Path) -> FileResult<RootAttributes> {
 /// Refuses to add to a store of a newer version, which may have unknown content.
 pub(super) fn check_appendable(root: &Path, attributes: &RootAttributes) -> FileResult<()> {
     let minor = attributes.tetreel_store.split('.').nth(1).and_then(|v| v.parse::<u32>().ok());
-    if minor.is_some_and(|minor| minor <= STORE_VERSION[1]) {
+    let ours = if attributes.kind.is_cells() { STORE_VERSION } else { CLOUD_VERSION };
+    if minor.is_some_and(|minor| minor <= ours[1]) {
         return Ok(());
     }
-    let (theirs, ours) = (&attributes.tetreel_store, store_version());
+    let (theirs, ours) = (&attributes.tetreel_store, text_of(ours));
     let problem = format!("store version {theirs}, written by tetreel {}; this adds to {ours}", attributes.tetreel);
     Err(FileError::unsupported(root, "zarr.json", problem).remedy("use that version, or a later one"))
 }

@@ -2,7 +2,7 @@
 
 use super::array::{StoredArray, write_metadata};
 use super::folder::{Folder, FolderSink};
-use super::layout::{self, DERIVED_ATTRIBUTE, DERIVED_VERSION, MESH, MeshAttributes, StoredConnectivity};
+use super::layout::{self, DERIVED_ATTRIBUTE, DERIVED_VERSION, MESH, MeshAttributes, StoredConnectivity, StoredKind};
 use super::split_cells;
 use crate::codec::{ArraySpec, ChunkSink, Chunking, Element, ElementType, ReadRange, chunk_key, to_bytes};
 use crate::error::{FileError, FileResult};
@@ -14,6 +14,17 @@ use std::path::Path;
 
 /// Name of the array that flags the cells whose orientation the import reversed; absent if there are none.
 const TURNED: &str = "cell_turned";
+
+/// Name of the array of radii, in local units, which a cloud has in place of tets.
+const RADII: &str = "radii";
+
+/// Name of the array of the volumes of a cloud's points over those of their balls; absent if it has no volumes.
+const FILLING: &str = "filling";
+
+/// What the mesh that was written to a store is of.
+pub(super) fn kind_of(root: &Path) -> StoredKind {
+    if root.join(MESH).join(RADII).exists() { StoredKind::Points } else { StoredKind::Cells }
+}
 
 /// Writes the arrays of one group, each as one chunk.
 pub(super) struct ArrayWriter<'a> {
@@ -73,9 +84,11 @@ pub(super) fn write(root: &Path, mesh: &Mesh, report: &RepairReport) -> FileResu
     let parts = SourceCells::of(&mesh.cell_source);
     let source_cells = (!parts.are_whole()).then(|| parts.len() as u64);
     let frame = mesh.without_far_parts.map(|(lo, hi)| [lo.to_array(), hi.to_array()]);
-    let connectivity = if mesh.is_connected { StoredConnectivity::Full } else { StoredConnectivity::None };
+    let is_full = mesh.is_connected || mesh.is_cloud();
+    let connectivity = if is_full { StoredConnectivity::Full } else { StoredConnectivity::None };
     let bounds = Some([lo.to_array(), hi.to_array()]);
-    let attributes = MeshAttributes { repair, bounds, frame, source_cells, connectivity };
+    let has_volumes = mesh.filling.is_some();
+    let attributes = MeshAttributes { repair, bounds, frame, source_cells, connectivity, has_volumes };
     layout::write_group(root, MESH, &attributes)?;
 
     let Positions { origin, scale, local } = &mesh.positions;
@@ -83,7 +96,13 @@ pub(super) fn write(root: &Path, mesh: &Mesh, report: &RepairReport) -> FileResu
     let topology = &mesh.topology;
     let mut to = ArrayWriter::new(root, MESH);
     to.write::<f32, 3>("points", bytemuck::cast_slice(local), ["vertex", "axis"], frame)?;
-    to.write("tets", &topology.tets, ["cell", "corner"], Map::new())?;
+    match &mesh.radii {
+        Some(radii) => to.write(RADII, column(radii), ["vertex", ""], Map::new())?,
+        None => to.write("tets", &topology.tets, ["cell", "corner"], Map::new())?,
+    }
+    if let Some(filling) = &mesh.filling {
+        to.write(FILLING, column(filling), ["vertex", ""], Map::new())?;
+    }
     if mesh.is_connected {
         let Connectivity { neighbours, faces, face_cells } = topology.connectivity();
         to.write("faces", faces, ["face", "corner"], derived())?;
@@ -103,7 +122,9 @@ pub(super) fn write(root: &Path, mesh: &Mesh, report: &RepairReport) -> FileResu
 #[derive(Clone, Debug)]
 pub(super) struct StoredMesh {
     points: StoredArray,
-    tets: StoredArray,
+    /// Radii of a cloud, else tets.
+    cells_array: StoredArray,
+    pub(super) kind: StoredKind,
     pub(super) vertices: u64,
     pub(super) cells: u64,
     pub(super) attributes: MeshAttributes,
@@ -114,17 +135,32 @@ impl StoredMesh {
     pub(super) fn open(root: &Path, source: &Folder) -> FileResult<Self> {
         let attributes = layout::read_group(root, MESH)?;
         let points = open_array(root, "points", ElementType::F32, 2)?;
-        let tets = open_array(root, "tets", ElementType::U32, 2)?;
-        let (vertices, cells) = (points.rows::<3>()?, tets.rows::<4>()?);
+        let kind = layout::read_root(root)?.kind;
+        let vertices = points.rows::<3>()?;
         points.check_size::<f32, 3>(source)?;
-        tets.check_size::<u32, 4>(source)?;
-        Ok(Self { points, tets, vertices, cells, attributes })
+        let (cells_array, cells) = match kind {
+            StoredKind::Cells => {
+                let tets = open_array(root, "tets", ElementType::U32, 2)?;
+                tets.check_size::<u32, 4>(source)?;
+                let cells = tets.rows::<4>()?;
+                (tets, cells)
+            }
+            StoredKind::Points => {
+                let radii = open_array(root, RADII, ElementType::F32, 1)?.expect_shape(&[vertices])?;
+                radii.check_size::<f32, 1>(source)?;
+                (radii, vertices)
+            }
+        };
+        Ok(Self { points, cells_array, kind, vertices, cells, attributes })
     }
 
     /// Reads the mesh; faces and neighbours are derived when they are asked for if they are missing, damaged or of another version.
     pub(super) fn read(&self, root: &Path, source: &dyn ReadRange) -> FileResult<Mesh> {
         let positions = self.read_positions(root, source)?;
-        let stored = self.attributes.connectivity.is_full().then(|| self.tets.read(source)).transpose()?;
+        if !self.kind.is_cells() {
+            return self.read_cloud(root, source, positions);
+        }
+        let stored = self.attributes.connectivity.is_full().then(|| self.cells_array.read(source)).transpose()?;
         let topology = match stored.and_then(|tets| self.read_derived(root, source, tets)) {
             Some(topology) => topology,
             None => self.without_derived(root, source, &positions)?,
@@ -137,6 +173,23 @@ impl StoredMesh {
         let mut mesh = Mesh::of_parts(topology, positions, [vertex_source, cell_source], cell_turned, split_cells);
         (mesh.without_far_parts, mesh.is_connected) = (without_far_parts, self.attributes.connectivity.is_full());
         Ok(mesh)
+    }
+
+    /// The mesh of a store of points.
+    fn read_cloud(&self, root: &Path, source: &dyn ReadRange, positions: Positions) -> FileResult<Mesh> {
+        // A ball lies within the frame.
+        let radii = sizes(root, RADII, self.cells_array.read::<f32, 1>(source)?, 1.0)?;
+        let filling = if self.attributes.has_volumes {
+            let array = open_array(root, FILLING, ElementType::F32, 1)?.expect_shape(&[self.vertices])?;
+            Some(sizes(root, FILLING, array.read::<f32, 1>(source)?, f32::MAX)?)
+        } else {
+            None
+        };
+        let sources = [
+            read_permutation(root, source, "vertex_permutation", self.vertices)?,
+            read_permutation(root, source, "cell_permutation", self.cells)?,
+        ];
+        Mesh::of_cloud(positions, sources, (radii, filling)).map_err(|e| mesh_error(root, &e))
     }
 
     /// Number of values that fields of vertices, or of cells, have in a step.
@@ -197,8 +250,21 @@ impl StoredMesh {
         let vertices = u32::try_from(self.vertices).map_err(|_| {
             FileError::unsupported(root, MESH, format!("has {} vertices: more than can be numbered", self.vertices))
         })?;
-        let tets = self.tets.read::<u32, 4>(source)?;
+        let tets = self.cells_array.read::<u32, 4>(source)?;
         Topology::from_tets(vertices, tets, positions).map_err(|e| mesh_error(root, &e))
+    }
+}
+
+/// The sizes of a cloud's points that an array has, checked.
+fn sizes(root: &Path, name: &str, rows: Vec<[f32; 1]>, most: f32) -> FileResult<Vec<f32>> {
+    let sizes = rows.into_flattened();
+    match sizes.iter().position(|&size| !(size > 0.0 && size <= most)) {
+        None => Ok(sizes),
+        Some(point) => {
+            let problem = format!("{} of point {point} is not above 0 and at most {most:e}", sizes[point]);
+            let place = root.join(MESH).join(name);
+            Err(FileError::invalid(place, "array", problem).remedy("import the series again"))
+        }
     }
 }
 

@@ -47,7 +47,7 @@ pub use field::{FieldReader, StoredField};
 pub(crate) use info::range_text;
 pub use info::{MeshInfo, StoreInfo, TimeInfo, VersionInfo};
 pub(crate) use layout::store_version;
-pub use layout::{MeanWeights, StoredConnectivity, is_store};
+pub use layout::{MeanWeights, StoredConnectivity, StoredKind, is_store};
 pub use lock::StoreLock;
 pub(crate) use lock::is_at;
 pub use source_points::SourcePoints;

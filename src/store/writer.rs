@@ -146,8 +146,10 @@ impl StoreWriter {
                 layout::write_group(root, fields_of(of), &FieldsAttributes { folders })?;
             }
         }
+        let kind = mesh::kind_of(root);
         let attributes = RootAttributes {
-            tetreel_store: layout::version_with(&layout::read_group(root, layout::MESH)?),
+            tetreel_store: layout::version_with(kind, &layout::read_group(root, layout::MESH)?),
+            kind,
             tetreel: env!("CARGO_PKG_VERSION").to_owned(),
             source: source.to_owned(),
             notes,

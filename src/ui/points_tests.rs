@@ -141,6 +141,12 @@ fn a_soup_is_played_by_smaller_images_or_fewer_ellipses() {
 }
 
 #[test]
+fn a_cloud_is_played_by_smaller_images_or_fewer_points() {
+    let cloud = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/npz/cloud.npz");
+    is_played(&*crate::import::open(&cloud).unwrap(), Footprint::Circle);
+}
+
+#[test]
 fn points_that_are_chosen_for_rest_are_never_more_while_something_moves() {
     let folder = tempfile::tempdir().unwrap();
     let soup = generate(&SynthSpec { cells: 600, steps: 2, ..SynthSpec::new(SeriesName::Tornado) }).unwrap();

@@ -3,7 +3,7 @@
 
     python3 tests/interop/write_npz.py [FOLDER]
 
-Points are those of a cube. T of point i at step s is i + 100 s, U has i, 0 and s, and c of cell i is i + 10 s.
+Points are those of a cube; cloud.npz has them without cells, with radii, filled.npz with volumes as well. T of point i at step s is i + 100 s, U has i, 0 and s, and c of cell i is i + 10 s.
 """
 
 import sys
@@ -23,3 +23,6 @@ np.savez(FOLDER / "stored.npz", **series)
 np.savez_compressed(FOLDER / "deflated.npz", **series)
 lists = dict(types=np.array([12, 10], "u1"), offsets=[0, 8, 12], connectivity=[0, 1, 3, 2, 4, 5, 7, 6, 0, 1, 3, 7])
 np.savez(FOLDER / "lists.npz", points=points.astype("f4"), **lists, T=np.arange(8.0), c=np.arange(2))
+cloud = dict(points=points, radius=0.1 * (1 + np.arange(8)), time=[0.0, 1.0], T=i + 100.0 * steps[:2])
+np.savez(FOLDER / "cloud.npz", **cloud)
+np.savez_compressed(FOLDER / "filled.npz", **cloud, volume=0.5 * np.arange(8))

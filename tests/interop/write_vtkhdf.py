@@ -4,7 +4,7 @@
     python3 tests/interop/write_vtkhdf.py [FOLDER]
 
 Needs numpy, h5py and vtk. Points are those of a cube, and of one beside it; value T of point i is i + 100 * step, c of cell i is
-i + 10 * step.
+i + 10 * step. cloud.vtkhdf has the cube's points as vertices alone, the radius of point i is 0.1 * (1 + i).
 """
 
 import sys
@@ -94,6 +94,12 @@ def write():
             made[name][:] = data
         made["CellOffsets"][:] = [[0], [0], [1]]
         made["ConnectivityIdOffsets"][:] = [[0], [0], [8]]
+    with create("cloud.vtkhdf") as file:
+        group = root(file, "UnstructuredGrid")
+        grid(group, [(CUBE, [(1, [i]) for i in range(4)] + [(2, range(4, 8))])])
+        values(group, 8, 5, 3)
+        steps(group, 8, 5)
+        group["PointData/radius"] = 0.1 * (1 + np.arange(8))
     with create("polyhedron.vtkhdf") as file:
         group = root(file, "UnstructuredGrid")
         grid(group, [(CUBE, [(42, range(8)), (10, [0, 1, 3, 7])])])
@@ -139,7 +145,7 @@ def leaves(data):
 
 
 def check():
-    for name in ("steps.vtkhdf", "polyhedron.vtkhdf", "image.vtkhdf"):
+    for name in ("steps.vtkhdf", "polyhedron.vtkhdf", "image.vtkhdf", "cloud.vtkhdf"):
         reader = vtkHDFReader()
         reader.SetFileName(str(FOLDER / name))
         # VTK has no arrays of text on points.

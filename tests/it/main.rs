@@ -5,6 +5,7 @@
 mod accuracy;
 #[cfg(feature = "cli")]
 mod cli;
+mod cloud;
 mod cloud_mesh;
 mod common;
 mod connectivity;

@@ -57,6 +57,10 @@ impl<'a> Steps<'a> {
     /// Reads the mesh. An isosurface uses the first field.
     pub fn new(store: &'a Store, shape: &Shape, groups: Vec<Group>) -> Result<Self, SurfaceError> {
         let mesh = store.mesh()?;
+        if mesh.is_cloud() {
+            let error = FileError::unsupported(store.path(), "mesh", "is of points alone, which have no surfaces");
+            return Err(error.remedy("leave --iso, --slice and --surface out").into());
+        }
         if !mesh.is_connected && matches!(shape, Shape::Boundary) {
             let problem = "was imported without connectivity, by which its surface is known";
             let error = FileError::unsupported(store.path(), "mesh", problem);

@@ -2,12 +2,13 @@
 
 use crate::error::FileResult;
 use crate::export::appended::{Appended, Values};
-use crate::field::Association;
+use crate::field::{Association, RADIUS, VOLUME};
 use crate::mesh::{RawMesh, Solid};
 use std::path::Path;
 
-/// VTK's cell type of a tetrahedron.
+/// VTK's cell types of a tetrahedron, and of a point.
 const VTK_TETRA: u8 = 10;
+const VTK_VERTEX: u8 = 1;
 
 /// Place of the faces of a cell that has none of its own.
 const NO_FACES: i64 = -1;
@@ -25,7 +26,19 @@ pub(super) fn write(path: &Path, mesh: &RawMesh, time: f64, fields: &[Values]) -
     let (points, cells) = (&mesh.points, &mesh.cells);
     let mut file = Appended::begin("UnstructuredGrid", time);
     file.text += &format!("<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">\n", points.len(), cells.len());
-    file.element("PointData", |file| file.fields(Association::Point, fields, points.len(), path))?;
+    file.element("PointData", |file| {
+        file.fields(Association::Point, fields, points.len(), path)?;
+        for (name, sizes) in [(RADIUS, &cells.radii), (VOLUME, &cells.volumes)] {
+            let is_field =
+                fields.iter().any(|field| field.info.association == Association::Point && field.info.name == name);
+            if !sizes.is_empty() && !is_field {
+                let mut of_points = vec![f64::NAN; points.len()];
+                cells.points.iter().zip(sizes).for_each(|(&point, &size)| of_points[point as usize] = size);
+                file.array("Float64", name, (1, points.len()), of_points.into_iter().map(f64::to_le_bytes));
+            }
+        }
+        Ok(())
+    })?;
     file.element("CellData", |file| file.fields(Association::Cell, fields, cells.len(), path))?;
     file.text += "<Points>\n";
     let coordinates = points.iter().flat_map(|p| p.to_array()).map(f64::to_le_bytes);
@@ -41,6 +54,7 @@ pub(super) fn write(path: &Path, mesh: &RawMesh, time: f64, fields: &[Values]) -
     file.array("Int64", "offsets", (1, cells.len()), offsets);
     let of_solids = cells.solids.iter().map(Solid::vtk_type);
     let types = std::iter::repeat_n(VTK_TETRA, cells.tets.len()).chain(of_solids);
+    let types = types.chain(std::iter::repeat_n(VTK_VERTEX, cells.points.len()));
     file.array("UInt8", "types", (1, cells.len()), types.map(|number| [number]));
     let polyhedra = || cells.solids.iter().filter_map(faces_of);
     let words: usize = polyhedra().map(<[u32]>::len).sum();

@@ -4,7 +4,7 @@ use super::super::cell_list::CellList;
 use super::super::cells::{GridReader, kind};
 use super::archive::Array;
 use super::{needed, take};
-use crate::error::{FileError, FileResult};
+use crate::error::FileResult;
 use glam::DVec3;
 use std::path::Path;
 
@@ -22,6 +22,8 @@ enum Cells {
     Same { corners: Array, vtk: u8, width: usize },
     /// Of any types: these, where the vertices of each cell end, and the vertices.
     Listed(Box<[Array; 3]>),
+    /// None but the points, with their radii and volumes if these are there.
+    Points([Option<Array>; 2]),
 }
 
 /// VTK's type of cells with so many corners.
@@ -56,9 +58,15 @@ impl Mesh {
                 return Err(cells.invalid("is there beside 'connectivity'").remedy("write one of them"));
             }
             (None, None) => {
-                let problem = "has points without cells: clouds of points are not read yet";
-                let remedy = "write the array cells, [m, 4] corners of tetrahedra, or connectivity, offsets and types";
-                return Err(FileError::unsupported(path, "", problem).remedy(remedy));
+                let radii = take(arrays, "radius");
+                if let Some(radii) = radii.as_ref().filter(|radii| radii.shape != [points]) {
+                    let problem = format!("has the shape {:?}, not a radius for each of {points} points", radii.shape);
+                    return Err(radii.invalid(problem).remedy("write it as [n]"));
+                }
+                // One of another shape may be a field.
+                let is_of_points = |array: &Array| array.name == "volume" && array.shape == [points];
+                let volumes = arrays.iter().position(is_of_points).map(|at| arrays.remove(at));
+                (Cells::Points([radii, volumes]), 0)
             }
         };
         let count = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
@@ -81,6 +89,14 @@ impl Mesh {
                     grid.push(cell, (*vtk, kind(*vtk)), vertices, self.points, first_point)
                         .map_err(|problem| corners.invalid(problem))?;
                 }
+            }
+            Cells::Points([radii, volumes]) => {
+                let read = |sizes: &Option<Array>| {
+                    sizes.as_ref().map_or(Ok(Vec::new()), |sizes| FileResult::Ok(sizes.read()?.values().to_f64()))
+                };
+                let cells = &mut grid.mesh.cells;
+                cells.points.extend(first_point as u32..grid.mesh.points.len() as u32);
+                (cells.radii, cells.volumes) = (read(radii)?, read(volumes)?);
             }
             Cells::Listed(arrays) => {
                 let [types, offsets, connectivity] = &**arrays;

@@ -1,7 +1,8 @@
 //! Reader of `.npz` files: arrays of NumPy in a zip file, by their names.
 //!
 //! `points` is `[n, 3]`. Cells are `cells`, `[m, 4]` tetrahedra, `[m, 5]` pyramids, `[m, 6]` wedges or `[m, 8]` hexahedra with their
-//! corners in VTK's order; or VTK's lists `types`, `offsets` and `connectivity`. `time` (or `times`) is `[s]`. Every other array is a
+//! corners in VTK's order; or VTK's lists `types`, `offsets` and `connectivity`; without any the points are a cloud, `radius` and `volume`,
+//! `[n]`, have their radii and volumes. `time` (or `times`) is `[s]`. Every other array is a
 //! field: `[s, n]` or `[s, m]` with a value for each point or cell at each step, `[s, n, k]` or `[s, m, k]` with k components; without
 //! times there is one step, whose axis may be missing. `point_` or `cell_` before the name says what a field is on, which must be said if
 //! there are as many points as cells; it is no part of the field's name. A step is read when it is asked for.
@@ -93,7 +94,7 @@ fn take(arrays: &mut Vec<Array>, name: &str) -> Option<Array> {
 fn needed(path: &Path, arrays: &mut Vec<Array>, name: &str) -> FileResult<Array> {
     take(arrays, name).ok_or_else(|| {
         FileError::invalid(path, "", format!("has no array '{name}'"))
-            .remedy("numpy.savez(file, points=[n, 3], cells=[m, 4], time=[s], NAME=[s, n]) has all that is needed")
+            .remedy("numpy.savez(file, points=[n, 3], cells=[m, 4], time=[s], NAME=[s, n]) has all that is needed; without cells it is a cloud")
     })
 }
 

@@ -139,6 +139,35 @@ fn lists_of_cells_say_where_each_begins_or_ends() {
 }
 
 #[test]
+fn points_without_cells_are_a_cloud_with_radii_if_they_are_there() {
+    let mut arrays = series();
+    arrays.retain(|(name, _)| *name != "cells");
+    let mut with_radii = arrays.clone();
+    with_radii.push(("radius", floats("(5,)", [1.0, 0.5, 0.0, -1.0, f64::NAN])));
+    // Python objects are never made: they are left out with a note.
+    let mut objects = arrays.clone();
+    objects.push(("radius", npy("'|O'", "(5,)", &[0x80; 40])));
+    let mut with_volumes = arrays.clone();
+    with_volumes.push(("volume", floats("(5,)", counted(5))));
+    for (arrays, [radii, volumes]) in
+        [(arrays, [0, 0]), (with_radii, [5, 0]), (with_volumes, [0, 5]), (objects, [0, 0])]
+    {
+        let objects = arrays.iter().any(|(name, bytes)| *name == "radius" && bytes.contains(&b'O'));
+        with(&packed(&arrays, CompressionMethod::DEFLATE), |source| {
+            let mesh = source.mesh()?;
+            assert_eq!((&mesh.cells.points[..], mesh.cells.radii.len()), (&[0, 1, 2, 3, 4][..], radii));
+            assert_eq!(mesh.cells.volumes.len(), volumes);
+            assert!(mesh.cells.are_points() && mesh.cells.len() == 5 && mesh.cells.tets.is_empty());
+            assert_eq!(read(source, "T", 0, 2)?, [0.0, 1.0, 2.0, 3.0, 4.0]);
+            assert!(source.fields().iter().all(|field| field.association == Association::Point));
+            assert_eq!(source.notes().join("; ").contains("'radius' (holds no"), objects);
+            Ok(())
+        })
+        .expect("is read");
+    }
+}
+
+#[test]
 fn what_is_missing_or_wrong_is_named_with_a_remedy() {
     let replaced = |name: &'static str, bytes: Vec<u8>| {
         let mut arrays = series();
@@ -158,9 +187,19 @@ fn what_is_missing_or_wrong_is_named_with_a_remedy() {
         let numbers: Vec<u8> = counted(15).flat_map(f64::to_le_bytes).collect();
         [&b"\x93NUMPY\x01\x00"[..], &(header.len() as u16).to_le_bytes(), header.as_bytes(), &numbers].concat()
     };
+    let cloud = |name: &'static str, bytes: Vec<u8>| {
+        let mut arrays = replaced(name, bytes);
+        arrays.retain(|(other, _)| *other != "cells");
+        arrays
+    };
     for (arrays, expected) in [
         (without("points"), "no array 'points'"),
-        (without("cells"), "clouds of points"),
+        (cloud("radius", floats("(4,)", counted(4))), "has the shape [4], not a radius for each of 5 points"),
+        (cloud("radius", floats("(5, 1)", counted(5))), "write it as [n]"),
+        (cloud("radius", floats("(9223372036854775808,)", counted(5))), "claims the shape"),
+        (cloud("volume", floats("(9223372036854775808,)", counted(5))), "claims the shape"),
+        (cloud("points", floats("(9223372036854775808, 3)", counted(15))), "claims the shape"),
+        (cloud("points", npy("'|O'", "(5, 3)", &[0x80; 120])), "no array 'points'"),
         (replaced("points", floats("(5, 2)", counted(10))), "three coordinates"),
         (replaced("cells", integers("(2, 3)", &[0; 6])), "[m, 8]"),
         (replaced("cells", integers("(2, 4)", &[0, 1, 2, -4, 0, 1, 2, 3])), "negative"),

@@ -28,7 +28,9 @@ pub(super) struct Topology {
     pub(super) id: Id,
     pub(super) shape: CellShape,
     pub(super) cells: usize,
-    /// Vertex indices of the cells; `None` for a list of points without them.
+    /// Number of points of each cell of points, if it is said.
+    pub(super) nodes: Option<u64>,
+    /// Vertex indices of the cells; `None` for cells of points in their order.
     pub(super) connectivity: Option<Item>,
     /// Index of the first point.
     pub(super) base: u64,
@@ -110,6 +112,9 @@ pub(super) const CELL_TYPES: &[CellType] = &[
     CellType { name: "Hexahedron_20", code: 48, corners: 20, vtk: 25 }, CellType { name: "Hexahedron_24", code: 49, corners: 24, vtk: 33 },
     CellType { name: "Hexahedron_27", code: 50, corners: 27, vtk: 29 },
 ];
+
+/// VTK's number of several points as one cell.
+pub(super) const POLY_VERTEX: u8 = 2;
 
 /// Other names of the same types that writers use.
 const CELL_TYPE_ALIASES: &[(&str, &str)] = &[
@@ -197,9 +202,10 @@ impl Topology {
             [item] => Some(Item::of(document, *item)?),
             _ => return Err(document.unsupported(id, "has several arrays, which is not read")),
         };
-        let cells = cell_count(document, id, name, connectivity.as_ref())?;
+        let nodes = document.attribute(id, "NodesPerElement").and_then(|text| text.trim().parse().ok());
+        let cells = cell_count(document, id, (name, nodes), connectivity.as_ref())?;
         let base = document.count(id, "BaseOffset")?.unwrap_or(0);
-        Ok(Self { id, shape, cells, connectivity, base })
+        Ok(Self { id, shape, cells, nodes, connectivity, base })
     }
 }
 
@@ -227,17 +233,22 @@ fn shape_of(document: &Document, id: Id, name: &str) -> FileResult<CellShape> {
 }
 
 /// Number of cells, as given or counted.
-fn cell_count(document: &Document, id: Id, name: &str, connectivity: Option<&Item>) -> FileResult<usize> {
+fn cell_count(
+    document: &Document,
+    id: Id,
+    (name, nodes): (&str, Option<u64>),
+    connectivity: Option<&Item>,
+) -> FileResult<usize> {
     let said = document.either(id, &["NumberOfElements", "Dimensions"]).filter(|text| !text.is_empty());
     if let Some(text) = said {
         let counts: Option<Vec<usize>> = text.split_whitespace().map(|word| word.parse().ok()).collect();
         let product = counts.and_then(|counts| counts.iter().try_fold(1_usize, |n, &d| n.checked_mul(d)));
         return product.ok_or_else(|| document.invalid(id, format!("'{text}' is no number of cells")));
     }
-    let corners = match document.attribute(id, "NodesPerElement").map(|text| text.trim().parse::<u64>()) {
-        Some(Ok(n)) => n,
-        _ => type_named(name).map_or(0, |t| t.corners as u64),
-    };
+    let corners = nodes.unwrap_or_else(|| match type_named(name) {
+        Some(CellType { vtk: POLY_VERTEX, .. }) => 1,
+        of_type => of_type.map_or(0, |t| t.corners as u64),
+    });
     let count = connectivity.and_then(Item::len).and_then(|n| n.checked_div(corners)).map(usize::try_from);
     count.and_then(Result::ok).ok_or_else(|| document.invalid(id, "lacks its NumberOfElements"))
 }

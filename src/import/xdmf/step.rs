@@ -4,7 +4,7 @@ use super::super::cells::{GridReader, Kind, kind, name_of, refuse_solid};
 use super::super::numbers::{Numbers, Values};
 use super::super::pieces::Piece;
 use super::super::series::StepReader;
-use super::grid::{Attribute, CELL_TYPES, CellShape, CellType, Geometry, Grid, Stored, Topology};
+use super::grid::{Attribute, CELL_TYPES, CellShape, CellType, Geometry, Grid, POLY_VERTEX, Stored, Topology};
 use super::items::Item;
 use super::tree::Document;
 use crate::error::{FileError, FileResult};
@@ -59,11 +59,12 @@ impl Piece for Grid {
         let place = self.document.place(self.topology.id);
         reader.check_room(self.path(), &place, self.points, self.topology.cells)?;
         let first_point = reader.mesh.points.len();
-        let cells_before = reader.mesh.cells.len();
+        let with_volume = |reader: &GridReader| reader.mesh.cells.len() - reader.mesh.cells.points.len();
+        let before = with_volume(reader);
         self.add_points(reader)?;
         self.add_cells(reader, first_point)?;
         reader.cells += self.topology.cells;
-        if reader.mesh.cells.len() > cells_before && matches!(self.geometry, Geometry::Together(_, 2)) {
+        if with_volume(reader) > before && matches!(self.geometry, Geometry::Together(_, 2)) {
             let problem = "the mesh is flat: GeometryType=\"XY\" with cells that have a volume";
             let error = self.document.unsupported(self.topology.id, problem);
             return Err(error.remedy("write points of three coordinates"));
@@ -74,7 +75,7 @@ impl Piece for Grid {
     /// Hashes locations in files; the position in the XDMF file does not count.
     fn hash_mesh(&self, state: &mut DefaultHasher) -> FileResult<()> {
         let topology = &self.topology;
-        (self.points, topology.shape, topology.cells, topology.base).hash(state);
+        (self.points, topology.shape, topology.cells, topology.nodes, topology.base).hash(state);
         topology.connectivity.as_ref().map(Item::place).hash(state);
         match &self.geometry {
             Geometry::Together(item, width) => (item.place(), width).hash(state),
@@ -130,6 +131,7 @@ impl Grid {
     fn add_cells(&self, reader: &mut GridReader, first_point: usize) -> FileResult<()> {
         let topology = &self.topology;
         match topology.shape {
+            CellShape::Same(POLY_VERTEX) => return self.add_points_as_cells(reader, first_point),
             CellShape::Same(vtk) if kind(vtk) == Kind::Flat => {
                 reader.skip(vtk, topology.cells);
                 return Ok(());
@@ -145,6 +147,40 @@ impl Grid {
         let read = (of_type.vtk, kind(of_type.vtk));
         for (cell, vertices) in corners.chunks_exact(of_type.corners).enumerate() {
             let pushed = reader.push(cell, read, vertices, self.points, first_point);
+            pushed.map_err(|problem| self.invalid_corners(problem))?;
+        }
+        Ok(())
+    }
+
+    /// Adds cells of points: as many each as is said, or as the list of them has for each, or one. Without a list they are the points in
+    /// their order.
+    fn add_points_as_cells(&self, reader: &mut GridReader, first_point: usize) -> FileResult<()> {
+        let topology = &self.topology;
+        let cells = topology.cells as u64;
+        let (vertices, of_each) = match topology.connectivity {
+            Some(_) => {
+                let mut vertices = self.list_of_corners()?;
+                self.rebase(topology, &mut vertices)?;
+                let of_each = topology.nodes.unwrap_or(vertices.len() as u64 / cells.max(1));
+                (vertices, of_each)
+            }
+            None => {
+                let of_each = topology.nodes.unwrap_or(1);
+                let count = cells.checked_mul(of_each).filter(|&count| count <= self.points as u64);
+                let count = count.ok_or_else(|| {
+                    let problem = format!("has {cells} cells of {of_each} points, but there are {}", self.points);
+                    self.invalid_corners(problem)
+                })?;
+                ((0..count).collect(), of_each)
+            }
+        };
+        if cells.checked_mul(of_each) != Some(vertices.len() as u64) {
+            let problem = format!("has {} points for {cells} cells of {of_each}", vertices.len());
+            return Err(self.invalid_corners(problem));
+        }
+        let of_each = usize::try_from(of_each).unwrap_or(usize::MAX).max(1);
+        for (cell, vertices) in vertices.chunks_exact(of_each).enumerate() {
+            let pushed = reader.push_points(cell, POLY_VERTEX, vertices, self.points, first_point);
             pushed.map_err(|problem| self.invalid_corners(problem))?;
         }
         Ok(())
@@ -220,12 +256,16 @@ impl Grid {
             };
             let (vertices, after) = after.split_at_checked(corners).ok_or_else(cut)?;
             rest = after;
-            if read.1 == Kind::Flat {
+            if read.1 == Kind::Flat && known.vtk != POLY_VERTEX {
                 reader.skip(known.vtk, 1);
                 continue;
             }
             let mut vertices = vertices.to_vec();
             self.rebase(topology, &mut vertices)?;
+            if known.vtk == POLY_VERTEX {
+                reader.push_points(cell, known.vtk, &vertices, self.points, first_point).map_err(invalid)?;
+                continue;
+            }
             reader.push(cell, read, &vertices, self.points, first_point).map_err(invalid)?;
         }
         if rest.is_empty() { Ok(()) } else { Err(invalid(format!("{} numbers follow the last cell", rest.len()))) }

@@ -38,6 +38,7 @@ fn put(to: &Path, target: &str, name: &str, bytes: &[u8]) {
 fn write_all(to: &Path) {
     stores(to);
     stores_of_shapes(to);
+    store_of_points(to);
     blocks(to);
     xdmf_and_pvd(to);
     parts(to);
@@ -162,6 +163,17 @@ fn stores_of_shapes(to: &Path) {
     let source = tetreel::import::open(&vtu).unwrap();
     ingest(source.as_ref(), &path, &IngestOptions::default(), &Silent, &Cancel::new()).unwrap();
     put(to, "store", "shapes", &packed(&path));
+}
+
+/// Points without cells, with radii and volumes.
+fn store_of_points(to: &Path) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("s.zarr");
+    let cloud = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/npz/cloud.npz");
+    let source = tetreel::import::open(&cloud).unwrap();
+    let options = IngestOptions { radius: Some(0.25), volume: Some(0.01), ..Default::default() };
+    ingest(source.as_ref(), &path, &options, &Silent, &Cancel::new()).unwrap();
+    put(to, "store", "cloud", &packed(&path));
 }
 
 /// Pieces, blocks and lists of them; and polyhedra, which such files often have.
@@ -365,10 +377,10 @@ fn xdmf_and_pvd(to: &Path) {
         put(to, "xdmf", name, &pack([("fuzzed.xdmf", &main[..], false)].into_iter().chain(others)));
     }
     put(to, "vtu", "pieces", &data("vtu/pieces_ascii.vtu"));
-    for name in ["steps.vtkhdf", "polyhedron.vtkhdf", "blocks.vtkhdf", "image.vtkhdf", "single.hdf"] {
+    for name in ["steps.vtkhdf", "polyhedron.vtkhdf", "blocks.vtkhdf", "image.vtkhdf", "cloud.vtkhdf", "single.hdf"] {
         put(to, "vtkhdf", name.split('.').next().unwrap(), &data(&format!("vtkhdf/{name}")));
     }
-    for name in ["stored", "deflated", "lists"] {
+    for name in ["stored", "deflated", "lists", "cloud", "filled"] {
         put(to, "npz", name, &data(&format!("npz/{name}.npz")));
     }
     let list = br#"<?xml version="1.0"?>
