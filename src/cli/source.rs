@@ -15,6 +15,7 @@ pub(super) fn open(path: &Path, terminal: &Terminal) -> anyhow::Result<Store> {
         CacheEvent::Importing(cached) => {
             terminal.say(&format!("importing {} to {}", path.display(), cached.display()));
         }
+        CacheEvent::Read(_) => {}
     };
     let cache = ImportCache::of_user();
     let (store, origin) = cache.open_or_import(&[path.to_owned()], &mut announce, terminal, &terminal.cancel)?;

@@ -7,7 +7,7 @@
 
 use super::options::IngestOptions;
 use super::report::{IngestError, IngestReport};
-use super::{check_cancel, ingest};
+use super::{ReadMesh, check_cancel, ingest_and_tell};
 use crate::error::{FileError, FileResult};
 use crate::import;
 use crate::store::{Store, is_at, is_store, store_version};
@@ -34,13 +34,15 @@ pub enum Origin {
     Imported(Box<IngestReport>),
 }
 
-/// A lengthy operation that begins now, for a message.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// A lengthy operation that begins now, for a message, or what is known so far.
+#[derive(Clone, Copy)]
 pub enum CacheEvent<'a> {
     /// Waiting for another process that imports the same source to this store.
     Waiting(&'a Path),
     /// Importing to this store.
     Importing(&'a Path),
+    /// The points and cells of the source that is imported were read.
+    Read(ReadMesh<'a>),
 }
 
 /// Why no store was opened.
@@ -119,7 +121,8 @@ impl ImportCache {
         }
         announce(CacheEvent::Importing(&target));
         let options = IngestOptions { overwrite: true, ..Default::default() };
-        let report = ingest(&*source, &target, &options, progress, cancel)?;
+        let mut read = |mesh: ReadMesh<'_>| announce(CacheEvent::Read(mesh));
+        let report = ingest_and_tell(&*source, &target, &options, progress, cancel, &mut read)?;
         Ok((Store::open(&target)?, Origin::Imported(Box::new(report))))
     }
 }

@@ -10,6 +10,7 @@ mod append;
 mod cached;
 mod checkpoints;
 mod compression;
+mod first_step;
 mod options;
 mod order;
 mod pass;
@@ -23,6 +24,7 @@ pub use append::{AppendOptions, AppendPlan, AppendReport, AppendedField, append,
 pub use cached::{CacheError, CacheEvent, ImportCache, Origin};
 pub use checkpoints::Checkpoints;
 pub use compression::CompressionReport;
+pub use first_step::{FirstStep, ReadMesh};
 pub use options::{FieldUnits, IngestOptions, StepRange, StepRangeError};
 pub use report::{FieldReport, IngestError, IngestReport, StageSeconds};
 
@@ -53,6 +55,18 @@ pub fn ingest(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<IngestReport, IngestError> {
+    ingest_and_tell(source, out, options, progress, cancel, &mut |_| ())
+}
+
+/// [`ingest`]; `read` is told of the points and cells before the mesh is built.
+fn ingest_and_tell(
+    source: &dyn SeriesSource,
+    out: &Path,
+    options: &IngestOptions,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+    read: &mut dyn FnMut(ReadMesh<'_>),
+) -> Result<IngestReport, IngestError> {
     let start = Instant::now();
     let steps = select_steps(source, options.steps)?;
     let times = steps.iter().map(|&step| source.times().values[step]).collect();
@@ -62,7 +76,7 @@ pub fn ingest(
         Some(_) => StoreWriter::go_on(out, options.overwrite)?,
     };
 
-    let built = BuiltMesh::of(source, options, cancel)?;
+    let built = BuiltMesh::of(source, options, cancel, read)?;
     let (counts, cells, repair) = (built.counts, built.mesh.topology.tets.len(), built.repair.clone());
     let recipe = checkpoints::recipe(source, &fields, &options.codec, &built.line, &built.mesh);
     let resumed = checkpoint.map(|from| Resumed::of(from, &recipe, source, &steps)).transpose()?;
@@ -130,9 +144,15 @@ struct BuiltMesh {
 }
 
 impl BuiltMesh {
-    fn of(source: &dyn SeriesSource, options: &IngestOptions, cancel: &Cancel) -> Result<Self, IngestError> {
+    fn of(
+        source: &dyn SeriesSource,
+        options: &IngestOptions,
+        cancel: &Cancel,
+        read: &mut dyn FnMut(ReadMesh<'_>),
+    ) -> Result<Self, IngestError> {
         let raw = source.mesh().map_err(IngestError::Source)?;
         let raw = sized(source, raw, options)?;
+        read(ReadMesh { source, raw: &raw });
         let counts = [raw.points.len(), raw.cells.len()];
         let (points, line) = (SourcePoints::of(&raw.points), checkpoints::line_of(&raw));
         check_cancel(cancel)?;

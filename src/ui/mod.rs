@@ -15,7 +15,8 @@
 //!   work has threads: the pipeline; `picture` (pixels for the screen); `probe` (the point under the mouse: in the cell on the ray that
 //!   contributes most to the pixel's opacity; and a point's value at every step); `survey` (means and histograms, coarse to fine, paused
 //!   while the user acts or frames come late); `histograms` (of four kinds, of the series or of a step; `bars` makes pixels of them);
-//!   `thumbnails`; `opening` (a store, or a source that is imported to the cache first);
+//!   `thumbnails`; `opening` (a store, or a source that is imported to the cache first, and a picture of
+//!   some cells of it until then: `first_picture`);
 //!   `following` (a store that grows); `settings`; `exporting` (images and movies, and the preview of its dialog); fields and images in
 //!   `jobs`. Each ends with its owner; those that read data catch their panics and report them in a message.
 //! - **One state.** What the window shows is a project (`document.rs`), be it one of a look without a file; a transfer function is an ensemble of one
@@ -62,6 +63,7 @@ mod drag_tests;
 #[cfg(test)]
 mod editor_tests;
 pub mod exporting;
+mod first_picture;
 pub mod following;
 pub mod histograms;
 mod history;

@@ -1,5 +1,7 @@
 //! Opening a store, or importing a source to the cache first, on a thread of its own.
 
+pub use super::first_picture::FirstPicture;
+use super::picture::Picture;
 use super::worker::lock;
 use crate::codec::BlockCache;
 use crate::error::FileError;
@@ -27,11 +29,19 @@ pub struct OpeningOptions {
     pub blocks: Option<Arc<BlockCache>>,
     /// The field; `None`: the first.
     pub field: Option<FieldSelector>,
+    /// The picture of a source that is drawn while its mesh is built and its steps are imported; `None`: there is none.
+    pub first_picture: Option<FirstPicture>,
 }
 
 impl Default for OpeningOptions {
     fn default() -> Self {
-        Self { cache: ImportCache::of_user(), block_bytes: Series::BLOCK_BYTES, blocks: None, field: None }
+        Self {
+            cache: ImportCache::of_user(),
+            block_bytes: Series::BLOCK_BYTES,
+            blocks: None,
+            field: None,
+            first_picture: None,
+        }
     }
 }
 
@@ -99,6 +109,7 @@ struct State {
     /// Start of the import of steps.
     steps_begun: Option<Instant>,
     woken: Option<Instant>,
+    picture: Option<Arc<Picture>>,
     end: Option<OpeningEnd>,
 }
 
@@ -166,6 +177,11 @@ impl Opening {
     /// Progress so far.
     pub fn progress(&self) -> OpeningProgress {
         lock(&self.shared.state).now.clone()
+    }
+
+    /// A picture of some cells of the first step, once there is one.
+    pub fn picture(&self) -> Option<Arc<Picture>> {
+        lock(&self.shared.state).picture.clone()
     }
 
     /// The result, once; `None` before and after.
@@ -254,11 +270,7 @@ fn open(paths: &[PathBuf], options: &OpeningOptions, shared: &Shared, cancel: &C
         })?;
     }
     let name = &shared.name;
-    let mut announce = |event: CacheEvent<'_>| match event {
-        CacheEvent::Waiting(_) => shared.stage(format!("waiting for another import of {name}"), 0.0),
-        CacheEvent::Importing(_) => shared.stage(format!("reading the mesh of {name}"), 0.0),
-    };
-    let (store, origin) = options.cache.open_or_import(paths, &mut announce, shared, cancel)?;
+    let (store, origin) = open_or_import(paths, options, shared, cancel)?;
     if cancel.is_cancelled() {
         return Err(IngestError::Cancelled.into());
     }
@@ -275,6 +287,33 @@ fn open(paths: &[PathBuf], options: &OpeningOptions, shared: &Shared, cancel: &C
     let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let (store, series, name) = (Arc::new(store), Arc::new(series), name.clone());
     Ok(Opened { store, series, path, name, origin })
+}
+
+/// Opens a store, or imports a source, while another thread draws the first picture of it.
+fn open_or_import(
+    paths: &[PathBuf],
+    options: &OpeningOptions,
+    shared: &Shared,
+    cancel: &Cancel,
+) -> Result<(Store, Origin), CacheError> {
+    let (name, is_over) = (&shared.name, &Cancel::new());
+    std::thread::scope(|scope| {
+        let mut announce = |event: CacheEvent<'_>| match event {
+            CacheEvent::Waiting(_) => shared.stage(format!("waiting for another import of {name}"), 0.0),
+            CacheEvent::Importing(_) => shared.stage(format!("reading the mesh of {name}"), 0.0),
+            CacheEvent::Read(mesh) => {
+                let Some(first) = &options.first_picture else { return };
+                let Some(step) = mesh.first_step(options.field.as_ref()) else { return };
+                scope.spawn(move || {
+                    let picture = first.of(&step, is_over).map(Arc::new);
+                    shared.change(true, |state| state.picture = picture);
+                });
+            }
+        };
+        let result = options.cache.open_or_import(paths, &mut announce, shared, cancel);
+        is_over.cancel();
+        result
+    })
 }
 
 /// Name of these files for the user.

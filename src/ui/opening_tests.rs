@@ -182,3 +182,49 @@ fn a_panic_becomes_an_error() {
     assert!(text.contains("on purpose") && text.contains("report"), "{text}");
     assert_never_back(&seen);
 }
+
+#[test]
+fn a_source_is_seen_before_it_is_imported() {
+    let place = Place::new();
+    let (calls, is_seen) = (Arc::new(Mutex::new(0)), Cancel::new());
+    let (counted, seen) = (calls.clone(), is_seen.clone());
+    // With its second call the import begins with the steps; the other thread calls when it has drawn.
+    let wake: Wake = Arc::new(move || {
+        if std::thread::current().name() != Some("opening") {
+            seen.cancel();
+            return;
+        }
+        let calls = {
+            let mut calls = counted.lock().unwrap();
+            *calls += 1;
+            *calls
+        };
+        let begun = Instant::now();
+        while calls == 2 && !seen.is_cancelled() && begun.elapsed() < LONG {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    });
+    let look = |series: &Series| crate::look::Look::first_for(series, &Cancel::new()).ok();
+    let first = FirstPicture { look: Arc::new(look), size_px: (60, 40), background: [0.25; 3] };
+    let options = OpeningOptions { first_picture: Some(first), ..place.options() };
+    let opening = Opening::start(vec![shipped()], options.clone(), wake);
+    let begun = Instant::now();
+    while !is_seen.is_cancelled() && begun.elapsed() < LONG {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let picture = opening.picture().expect("a picture while steps are imported");
+    assert_eq!(picture.size, [60, 40]);
+    let colors: std::collections::BTreeSet<[u8; 4]> = picture.pixels.iter().copied().collect();
+    assert!(colors.len() > 50 && colors.contains(&[64, 64, 64, 255]), "{}", colors.len());
+    let end = loop {
+        if let Some(end) = opening.take() {
+            break end;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    };
+    assert!(matches!(end, OpeningEnd::Opened(_)), "{end:?}");
+    // What was imported before is opened without one.
+    let again = Opening::start(vec![shipped()], options, place.wake.clone());
+    assert!(matches!(place.watch(&again).0, OpeningEnd::Opened(_)));
+    assert!(again.picture().is_none());
+}

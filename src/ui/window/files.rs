@@ -2,9 +2,11 @@
 
 use super::playing::Place;
 use super::unsaved::{Leaving, Unsaved};
-use super::{Dress, PlayerWindow, ReadProject, plain};
+use super::{Dress, Dressed, PlayerWindow, ReadProject, plain};
+use crate::look::Look;
+use crate::pipeline::Series;
 use crate::project::is_project;
-use crate::ui::opening::{Opening, OpeningEnd};
+use crate::ui::opening::{FirstPicture, Opening, OpeningEnd};
 use crossbeam::channel::bounded;
 use eframe::egui;
 use std::path::PathBuf;
@@ -17,10 +19,23 @@ impl PlayerWindow {
         if let Some(session) = self.session().filter(|_| place == Place::Beside) {
             options.blocks = Some(session.series().blocks().clone());
         }
+        options.first_picture = self.views.is_none().then(|| self.first_picture(dress.clone()));
         // Other files need not have the requested field.
         self.options.opening.field = None;
         let opening = Opening::start(paths, options, Arc::new(self.waker.wake()));
         self.opening = Some((opening, dress, place));
+    }
+
+    /// The picture of a source that is shown while it is imported, as large as the window.
+    fn first_picture(&self, dress: Dress) -> FirstPicture {
+        let size = self.size().map(|side| side.max(1.0) as usize);
+        let look = move |series: &Series| {
+            let Dressed { look, camera_is_chosen, .. } = dress(series).ok()?;
+            let camera = if camera_is_chosen { look.camera } else { look.camera.fit_to_aspect(size[0], size[1]) };
+            Some(Look { camera, ..look })
+        };
+        let background = self.options.background.unwrap_or(self.keeper.settings().background);
+        FirstPicture { look: Arc::new(look), size_px: size.into(), background }
     }
 
     /// Opens what the user names: a project with its look, other files with the look that they had last.

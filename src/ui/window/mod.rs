@@ -164,6 +164,7 @@ pub struct PlayerWindow {
     overlays: overlay::Overlays,
     export: export::ExportDialog,
     path_box: PathBox,
+    first_picture: welcome::FirstPicture,
     unsaved: Unsaved,
     /// Whether the window closes without a question.
     is_closing: bool,
@@ -208,6 +209,7 @@ impl PlayerWindow {
             overlays: Default::default(),
             export: Default::default(),
             path_box: PathBox::new(&dialogs),
+            first_picture: Default::default(),
             unsaved: Default::default(),
             is_closing: false,
             notices: Vec::new(),
@@ -370,7 +372,10 @@ impl PlayerWindow {
         } else {
             egui::CentralPanel::default().show(ui, |ui| {
                 let recent = &self.keeper.settings().recent;
-                wish = welcome::show(ui, &mut self.path_box, recent).or(wish.take());
+                match self.opening.as_ref().and_then(|(opening, ..)| opening.picture()) {
+                    Some(picture) => self.first_picture.show(ui, &picture),
+                    None => wish = welcome::show(ui, &mut self.path_box, recent).or(wish.take()),
+                }
             });
         }
         popups::drop_hint(&ctx);

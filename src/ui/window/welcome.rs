@@ -1,14 +1,17 @@
 //! The views without a series, and while one is opened.
 
 use super::path_field::{OpenDialog, PATH_WIDTH, PathField, TO_OPEN};
+use super::preview::Upload;
 use super::widgets::icon;
 use crate::field::FieldSelector;
 use crate::import::Format;
 use crate::ui::opening::OpeningProgress;
+use crate::ui::picture::Picture;
 use crate::ui::settings::RecentFile;
 use eframe::egui;
 use egui::{Align, Layout, ProgressBar, Role, Ui, WidgetInfo};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// A request of the user.
@@ -114,6 +117,22 @@ pub(super) fn show(ui: &mut Ui, path_box: &mut PathBox, files: &[RecentFile]) ->
         });
     });
     wish
+}
+
+/// The picture of some cells of a source that is imported.
+#[derive(Default)]
+pub(super) struct FirstPicture(Upload);
+
+impl FirstPicture {
+    /// Shows it as large as there is room, and says what it is.
+    pub(super) fn show(&mut self, ui: &mut Ui, picture: &Arc<Picture>) {
+        ui.vertical_centered(|ui| {
+            ui.label("A preview: some cells of the first step, as points. The series is shown when it is imported.");
+            let texture = self.0.of(ui.ctx(), "first picture", picture);
+            let image = egui::Image::new((texture.id(), texture.size_vec2()));
+            ui.add(image.max_size(ui.available_size()).alt_text("Preview of what is opened"));
+        });
+    }
 }
 
 /// Progress of opening `paths`.
