@@ -13,9 +13,9 @@
 //! | 1c | [`histograms`] |
 //! | 2 | [`transfer`], [`optics`] |
 //! | 3 | [`codec`], [`visibility`] |
-//! | 3b | [`lod`] |
+//! | 3b | [`functions`], [`lod`] |
 //! | 4 | [`store`], [`import`], [`synth`], [`calculator`] |
-//! | 5 | [`ingest`], [`render`] |
+//! | 5 | [`fit`], [`ingest`], [`render`] |
 //! | 6 | [`pipeline`] |
 //! | 7a | [`look`], [`playback`] |
 //! | 7b | [`project`] |
@@ -36,6 +36,8 @@ pub mod error;
 pub mod export;
 pub mod field;
 pub mod files;
+pub mod fit;
+pub mod functions;
 pub mod histograms;
 pub mod image;
 pub mod import;

@@ -8,6 +8,7 @@ mod bench;
 mod compare;
 mod demo;
 mod export;
+mod fit;
 mod import;
 mod info;
 mod manual;
@@ -26,6 +27,7 @@ mod trace;
 use crate::export::run::RunError;
 use crate::export::surface::SurfaceError;
 use crate::export::vtu::VtuError;
+use crate::fit::FitError;
 use crate::ingest::{CacheError, IngestError};
 use crate::pipeline::PipelineError;
 use crate::scene::SceneError;
@@ -88,6 +90,7 @@ enum Command {
     Compare(compare::Args),
     Bench(Box<bench::Args>),
     Synth(synth::Args),
+    Fit(fit::Args),
     Export(export::Args),
     Manual(manual::Args),
 }
@@ -123,6 +126,7 @@ pub fn run(cli: Cli) -> ExitCode {
         Command::Compare(args) => compare::run(args, &terminal),
         Command::Bench(args) => bench::run(args, &terminal),
         Command::Synth(args) => synth::run(args, &terminal),
+        Command::Fit(args) => fit::run(args, &terminal),
         Command::Export(args) => export::run(args, &terminal),
         Command::Manual(args) => manual::run(args),
     };
@@ -148,6 +152,7 @@ fn is_interruption(error: &anyhow::Error) -> bool {
     error.is::<Interrupted>()
         || matches!(error.downcast_ref(), Some(PipelineError::Cancelled))
         || matches!(error.downcast_ref(), Some(IngestError::Cancelled))
+        || matches!(error.downcast_ref(), Some(FitError::Cancelled))
         || matches!(error.downcast_ref(), Some(VtuError::Cancelled))
         || matches!(error.downcast_ref(), Some(SurfaceError::Cancelled))
         || error.downcast_ref().is_some_and(CacheError::is_cancelled)

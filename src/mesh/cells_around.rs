@@ -6,6 +6,41 @@ use rayon::prelude::*;
 /// Values per parallel task.
 const CHUNK: usize = 16_384;
 
+/// The cells that have each vertex.
+pub(super) struct CellsByVertex {
+    /// First index into `cells` of each vertex, and the end of the last.
+    starts: Vec<usize>,
+    /// Cells, ascending at each vertex.
+    cells: Vec<u32>,
+}
+
+impl CellsByVertex {
+    /// Counting sort of the corners by vertex.
+    pub(super) fn of(tets: &[[u32; 4]], vertices: usize) -> Self {
+        let mut starts = vec![0usize; vertices + 1];
+        for &vertex in tets.as_flattened() {
+            starts[vertex as usize + 1] += 1;
+        }
+        for i in 1..starts.len() {
+            starts[i] += starts[i - 1];
+        }
+        let mut next = starts.clone();
+        let mut cells = vec![0u32; 4 * tets.len()];
+        for (cell, tet) in (0..).zip(tets) {
+            for &vertex in tet {
+                cells[next[vertex as usize]] = cell;
+                next[vertex as usize] += 1;
+            }
+        }
+        Self { starts, cells }
+    }
+
+    /// The cells that have a vertex.
+    pub(super) fn at(&self, vertex: usize) -> &[u32] {
+        &self.cells[self.starts[vertex]..self.starts[vertex + 1]]
+    }
+}
+
 /// The cells of a mesh's source around each vertex.
 #[derive(Clone, Debug)]
 pub struct CellsAround {
@@ -18,28 +53,17 @@ pub struct CellsAround {
 }
 
 impl CellsAround {
-    /// Counting sort of the corners by vertex.
+    /// The cells around each vertex of a mesh.
     pub fn of(mesh: &Mesh) -> Self {
         let tets = &mesh.topology.tets;
-        let mut starts = vec![0usize; mesh.positions.local.len() + 1];
-        for &vertex in tets.as_flattened() {
-            starts[vertex as usize + 1] += 1;
-        }
-        for i in 1..starts.len() {
-            starts[i] += starts[i - 1];
-        }
         let parts = SourceCells::of(&mesh.cell_source);
         let mut first: Vec<u32> = vec![0; tets.len()];
         parts.expand(&parts.firsts().collect::<Vec<_>>(), &mut first);
-        let mut next = starts.clone();
-        let mut cells = vec![0u32; 4 * tets.len()];
+        let CellsByVertex { starts, mut cells } = CellsByVertex::of(tets, mesh.positions.local.len());
+        cells.iter_mut().for_each(|cell| *cell = first[*cell as usize]);
         let mut volumes = vec![0.0; tets.len()];
-        for ((cell, tet), &first) in (0..).zip(tets).zip(&first) {
+        for (cell, &first) in (0..).zip(&first) {
             volumes[first as usize] += mesh.cell_volume(cell);
-            for &vertex in tet {
-                cells[next[vertex as usize]] = first;
-                next[vertex as usize] += 1;
-            }
         }
         let mut around = Self { starts, cells, volumes };
         if !parts.are_whole() {

@@ -34,6 +34,7 @@ pub(crate) mod test_meshes;
 #[cfg(test)]
 mod tests;
 mod topology;
+mod vertex_shapes;
 
 pub use cells_around::CellsAround;
 pub use cloud::CloudReport;
@@ -51,6 +52,7 @@ pub(crate) use split::split_from_corners;
 pub use split::{Cells, POLYHEDRON_VTK_TYPE, Solid, SolidShape, Solids, Split, SplitCells, gather, split};
 pub use steiner::SteinerPoints;
 pub use topology::{FACE_VERTICES, Topology};
+pub use vertex_shapes::Symmetric;
 
 use glam::DVec3;
 use std::sync::OnceLock;

@@ -26,6 +26,7 @@ use crate::words::words;
 use glam::Vec4;
 pub use scalar_map::ScalarMap;
 use serde::{Deserialize, Serialize};
+pub(crate) use thick::exp_neg;
 pub(crate) use weights::{DEPTH_MAX, WEIGHED_AT_ONCE, weigh_thick, weigh_thin};
 pub use weights::{PieceWeights, homogeneous_weights, piece_weights};
 

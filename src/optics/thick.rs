@@ -39,12 +39,12 @@ const END_MAX: f32 = 1e18;
 /// Beyond this exp(-x) is not a normal number.
 const EXP_MAX: f32 = 87.0;
 
-/// exp(-x) for 0 <= x, to 2e-7 of it; 1.7e-38 from 87 on. As `exp_neg` in `shaders/lib/math.wgsl`.
+/// exp(-x) for -80 <= x, to 2e-7 of it; 1.7e-38 from 87 on. As `exp_neg` in `shaders/lib/math.wgsl`.
 ///
 /// x is k ln 2 - y with |y| <= 0.35. The Taylor polynomial of degree 7 leaves out 0.35^8 / 40320 = 6e-9; Horner's last two steps round by
 /// 2^-24 each, and those before by as much in sum, since |y| is small.
 #[inline(always)]
-pub(super) fn exp_neg(x: f32) -> f32 {
+pub(crate) fn exp_neg(x: f32) -> f32 {
     // 1.5 * 2^23: a sum with it has no fraction bits, and its last bits are the integer.
     const TO_INTEGER: f32 = 12_582_912.0;
     let x = if x < EXP_MAX { x } else { EXP_MAX };

@@ -3,6 +3,7 @@
 use super::Store;
 use super::blocks::{self, BlockInfo};
 use super::field::StoredField;
+use super::functions::{self, FunctionsInfo};
 use super::layout::{StoredConnectivity, StoredKind};
 use super::writer::bytes_on_disk;
 use crate::error::FileResult;
@@ -20,6 +21,9 @@ pub struct StoreInfo {
     pub time: TimeInfo,
     /// The fields of vertices, then those of cells, each in the order of the source.
     pub fields: Vec<StoredField>,
+    /// The functions that take the place of the cells; left out if there are none, or if they are of a kind that is not known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub functions: Option<FunctionsInfo>,
     /// Bytes on disk.
     pub bytes: u64,
     /// Versions and origin.
@@ -76,6 +80,12 @@ impl StoreInfo {
     pub(super) fn of(store: &Store) -> FileResult<Self> {
         let (mesh, times) = (&store.series.mesh, &store.times().values);
         let root = store.attributes.clone();
+        let (mut notes, mut functions) = (root.notes, None);
+        // Everything else can be used without them.
+        match functions::read_info(&store.root) {
+            Ok(found) => functions = found,
+            Err(error) => notes.push(error.to_string()),
+        }
         Ok(Self {
             mesh: MeshInfo {
                 kind: mesh.kind,
@@ -92,13 +102,9 @@ impl StoreInfo {
                 last: times.last().copied().unwrap_or_default(),
             },
             fields: store.fields().to_vec(),
+            functions,
             bytes: bytes_on_disk(&store.root)?,
-            version: VersionInfo {
-                store: root.tetreel_store,
-                tetreel: root.tetreel,
-                source: root.source,
-                notes: root.notes,
-            },
+            version: VersionInfo { store: root.tetreel_store, tetreel: root.tetreel, source: root.source, notes },
         })
     }
 }
@@ -152,6 +158,7 @@ impl fmt::Display for StoreInfo {
             }
             writeln!(f)?;
         }
+        self.functions.iter().try_for_each(|functions| writeln!(f, "{functions}"))?;
         self.version.notes.iter().try_for_each(|note| writeln!(f, "note     {note}"))?;
         writeln!(f, "size     {:.1} MB", self.bytes as f64 / 1e6)?;
         write!(f, "written  by tetreel {} as store {}", self.version.tetreel, self.version.store)?;

@@ -6,7 +6,14 @@
 //! | `time` | `values` (f64), `mesh_index` |
 //! | `fields/FOLDER` | what the codec writes (`raw`: steps x vertices; group `vq`: see [`crate::codec::vq`]), `range_per_step` (NaN where a step has no finite value), `checksum_per_step` (CRC-32C of a step's values as f32, before the codec; not from older versions), `moments` (mean, variance, number of finite samples); with `vq` from 64 steps on `errors_per_step`, `errors_per_vertex` (of complete blocks, to go on from); derived, in the group `histograms`: `scalar`, `scalar_gradient`, `cov`, `scalar_cov` ([`crate::histograms`]; attribute `steps`) |
 //! | `cell_fields/FOLDER` | the same for fields of cells, absent if there are none; a value for each cell of the source, in the order in which the mesh has their first parts (`cell_permutation`) |
+//! | `functions/vertices` | derived, where it was asked for (`tetreel fit`): `factors`, the widths of functions in place of the cells (see below) |
 //! | `lod/FOLDER` | derived: `global` (coefficient of variation of each vertex), `local_N` (N intervals: first step, end, sampled step); attribute `steps` |
+//!
+//! `functions/vertices/factors` is f32 [block, function, 6], one chunk a block, of which there is one: a function at each vertex of the mesh,
+//! in their order, about `points`, in the same local units; rows of the lower triangle L of S = L L^T ([`crate::functions`]). Their values are
+//! those of any field of vertices. Attributes of the group: `version`, `method` (`vertices`), `form` (`normalised`), `shape` (`ellipsoid`),
+//! `phi` (`gaussian`), `cut`, `width`, `count`, `widened`, `report` ([`crate::functions::report`]); others than these are refused. The version of the
+//! store stays: programs that do not know the group read all else as it is, and keep the group when they add steps.
 //!
 //! Codecs are the stock ones: little-endian bytes, then a CRC-32C. The metadata are of zarrs_metadata; the chunks are
 //! written, and at playback read, by [`crate::codec`], which verifies sizes and checksums. The folder of a field is its
@@ -24,6 +31,7 @@ mod blocks;
 mod checkpoint;
 mod field;
 mod folder;
+mod functions;
 mod histograms;
 mod importance;
 mod info;
@@ -44,6 +52,7 @@ pub use append::ResumedField;
 pub use blocks::BlockInfo;
 pub use checkpoint::{CheckpointReader, CheckpointWriter};
 pub use field::{FieldReader, StoredField};
+pub use functions::{FunctionsInfo, FunctionsWriter, StoredFunctions};
 pub(crate) use info::range_text;
 pub use info::{MeshInfo, StoreInfo, TimeInfo, VersionInfo};
 pub(crate) use layout::store_version;
@@ -141,6 +150,14 @@ impl Store {
         let points = source_points::read(&self.root, &*self.source, self.series.mesh.vertices)?;
         self.source.check()?;
         Ok(points)
+    }
+
+    /// The functions that take the place of the cells; `None` if there are none.
+    ///
+    /// # Errors
+    /// If they are of a kind that is not known, or damaged, or another series has taken the store's place.
+    pub fn functions(&self) -> FileResult<Option<StoredFunctions>> {
+        functions::read(&self.root, &*self.source, self.series.mesh.vertices)
     }
 
     /// A reader of one field. `NAME` of a vector means `NAME:mag`.

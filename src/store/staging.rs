@@ -14,8 +14,10 @@ use super::layout;
 use super::partial::Partial;
 use crate::error::{FileError, FileResult};
 use crate::files;
+use crate::task::Cancel;
 use std::collections::BTreeSet;
 use std::fs::{self, File};
+use std::io;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -118,6 +120,35 @@ impl Staging {
         })
     }
 
+    /// Copies all files of another store whose key `is_kept` confirms; `told` hears how many bytes each has. Whether `cancel` was not raised.
+    pub(super) fn copy(
+        &self,
+        from: &Path,
+        is_kept: impl Fn(&str) -> bool,
+        told: &mut dyn FnMut(u64),
+        cancel: &Cancel,
+    ) -> FileResult<bool> {
+        walk(from, &mut |path, metadata| {
+            let below = path.strip_prefix(from).unwrap_or(path);
+            let parts: Vec<_> = below.iter().map(|part| part.to_string_lossy()).collect();
+            if metadata.is_symlink() {
+                let problem = "is a symbolic link: a store that lies in several places is not copied";
+                return Err(FileError::invalid(path, "", problem).remedy("put what it points to in its place"));
+            }
+            if !metadata.is_file() || !is_kept(&parts.join("/")) || cancel.is_cancelled() {
+                return Ok(());
+            }
+            let new = self.dir.path().join(below);
+            let parent = files::parent_of(&new);
+            fs::create_dir_all(parent).map_err(|e| FileError::io(parent, "create", &e))?;
+            // A copy of its own, which can be written where the other may only be read.
+            let copied = File::open(path).and_then(|mut from| io::copy(&mut from, &mut File::create(&new)?));
+            told(copied.map_err(|e| FileError::io(path, "copy", &e))?);
+            Ok(())
+        })?;
+        Ok(!cancel.is_cancelled())
+    }
+
     pub(super) fn path(&self) -> &Path {
         self.dir.path()
     }
@@ -215,18 +246,18 @@ fn check_target(target: &Path, overwrite: bool) -> FileResult<()> {
 
 /// Exchanges two folders in one operation; `false`, with nothing changed, if that is not possible.
 #[cfg(any(target_os = "linux", target_os = "android", target_vendor = "apple"))]
-fn exchange(a: &Path, b: &Path) -> bool {
+pub(super) fn exchange(a: &Path, b: &Path) -> bool {
     use rustix::fs::{CWD, RenameFlags, renameat_with};
     renameat_with(CWD, a, CWD, b, RenameFlags::EXCHANGE).is_ok()
 }
 
 /// Other systems have no exchange.
 #[cfg(not(any(target_os = "linux", target_os = "android", target_vendor = "apple")))]
-fn exchange(_a: &Path, _b: &Path) -> bool {
+pub(super) fn exchange(_a: &Path, _b: &Path) -> bool {
     false
 }
 
-fn rename(from: &Path, to: &Path) -> FileResult<()> {
+pub(super) fn rename(from: &Path, to: &Path) -> FileResult<()> {
     fs::rename(from, to).map_err(|e| FileError::io(to, &format!("rename {} to it", from.display()), &e))
 }
 

@@ -18,11 +18,13 @@ use tetreel::codec::vq::{Search, VqEncoder, VqOptions};
 use tetreel::codec::{ChunkSink, Encoder, seal};
 use tetreel::error::FileResult;
 use tetreel::field::{Association, Component, FieldInfo, SeriesSource, TimeAxis};
+use tetreel::fit::{FitOptions, fit};
 use tetreel::image::{DepthImage, ExrColor, ExrValue, Planes, PngDepth, RgbaImage, write_exr, write_png_with_texts};
 use tetreel::ingest::{CodecChoice, IngestOptions, ingest};
 use tetreel::mesh::RawMesh;
 use tetreel::node_table::{JointTable, Node, NodeTable};
 use tetreel::pipeline::{FaceDetail, FrameRequest, FrameTime, TetDraw};
+use tetreel::store::Store;
 use tetreel::task::{Cancel, Silent};
 use tetreel::transfer::{
     Lengths, MappedRange, OpacityKind, RangePolicy, TransferContent, TransferFunction, TransferSource,
@@ -132,6 +134,11 @@ fn stores(to: &Path) {
         let path = folder.path().join("s.zarr");
         ingest(&source, &path, &IngestOptions { codec, ..Default::default() }, &Silent, &Cancel::new()).unwrap();
         put(to, "store", name, &packed(&path));
+        if name == "raw" {
+            let store = Store::open(&path).unwrap();
+            fit(&store, None, &FitOptions::default(), &Silent, &Cancel::new()).unwrap();
+            put(to, "store", "functions", &packed(&path));
+        }
     }
 }
 

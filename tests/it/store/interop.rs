@@ -7,9 +7,12 @@ use std::path::Path;
 use std::process::Command;
 use std::sync::Arc;
 use tetreel::codec::vq::VqOptions;
+use tetreel::fit::{FitOptions, fit};
+use tetreel::functions::value_at;
 use tetreel::ingest::{CodecChoice, IngestOptions};
 use tetreel::mesh::{Cells, RawMesh};
 use tetreel::store::Store;
+use tetreel::task::{Cancel, Silent};
 
 fn imported(dir: &Path) -> Store {
     import(&sample(2), &dir.join("s.zarr"), &IngestOptions::default()).unwrap();
@@ -137,5 +140,38 @@ fn python_decodes_the_steps_of_vq() {
         for step in [0, 3, 66] {
             python_reads(&python, &store, step);
         }
+    }
+}
+
+/// The script that a page shows.
+fn script_of(page: &str) -> String {
+    let page = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(page)).unwrap();
+    page.split("```python\n").nth(1).unwrap().split("```").next().unwrap().to_owned()
+}
+
+#[test]
+fn python_evaluates_functions_as_their_page_says() {
+    let script = script_of("docs/functions.md");
+    assert_eq!(script.lines().count(), 10);
+    let Some(python) = python() else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let store = imported(dir.path());
+    fit(&store, None, &FitOptions::default(), &Silent, &Cancel::new()).unwrap();
+    let mesh = store.mesh().unwrap();
+    let kernels = store.functions().unwrap().unwrap().kernels(&mesh).unwrap();
+    let reader = store.field(&"T".parse().unwrap()).unwrap();
+    let mut values = vec![0.0; reader.value_count()];
+    reader.decode_step(1, &mut values).unwrap();
+    for at in [DVec3::new(1e6 + 1.25, 1.5, 0.375), DVec3::new(1e6 + 2.0, 0.5, 1.25)] {
+        let at_words = at.to_array().map(|x| x.to_string());
+        let mut command = Command::new(&python);
+        let output = command.args(["-c", &script]).arg(store.path()).args(["T", "1"]).args(at_words).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let found: f64 = String::from_utf8(output.stdout).unwrap().trim().parse().unwrap();
+        let expected = value_at(&kernels, &values, mesh.positions.local_from_world(at)).unwrap();
+        // Both sum some dozen numbers of size 100 in float64.
+        assert!((found - expected).abs() < 1e-11, "{found} {expected}");
+        let beside = value_at(&kernels, &values, mesh.positions.local_from_world(at + 0.01 * DVec3::X)).unwrap();
+        assert!((found - beside).abs() > 1e-11, "another place is noticed");
     }
 }

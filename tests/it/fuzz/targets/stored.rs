@@ -2,6 +2,7 @@
 
 use super::archive::{files, unpack};
 use super::{Folder, Outcome};
+use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,6 +11,7 @@ use tetreel::codec::{Decoder, Element, ReadRange, chunk_key, parse_chunk_key, re
 use tetreel::error::{FileError, FileResult};
 use tetreel::export::StoredSeries;
 use tetreel::field::{Association, Component, SeriesSource};
+use tetreel::functions::value_at;
 use tetreel::store::Store;
 
 /// The folder of a store, all of whose parts are read.
@@ -31,6 +33,13 @@ fn read_store(folder: &Folder) -> FileResult<()> {
             assert!(radii.iter().all(|&radius| radius > 0.0 && radius <= 1.0));
             assert!((0..radii.len() as u32).all(|point| mesh.filling_of(point) > 0.0));
         }
+    }
+    if let Some(functions) = store.functions()? {
+        let kernels = functions.kernels(&mesh)?;
+        assert_eq!(kernels.len(), mesh.positions.local.len());
+        // Values that any place inside the cells has, or none.
+        let found = value_at(&kernels, &vec![0.5; kernels.len()], DVec3::splat(0.1));
+        assert!(found.is_none_or(|value| value == 0.5));
     }
     let points = store.source_points()?;
     assert!(points.is_none_or(|points| points.len() == mesh.positions.local.len()));
