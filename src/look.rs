@@ -4,8 +4,10 @@ use crate::camera::{Camera, CameraError};
 use crate::node_table::{NodeTable, TransferTable};
 use crate::optics::OpticsKind;
 use crate::pipeline::{
-    Backend, FaceDetail, FrameRequest, FrameTime, KeyedSurfaces, RenderMode, Series, SurfaceLook, TetDraw,
+    Backend, FaceDetail, FrameRequest, FrameTime, KeyedSurfaces, RenderMode, Representation, Series, SurfaceLook,
+    TetDraw,
 };
+use crate::render::functions::{FunctionForm, Normalise, SheetStyle};
 use crate::render::points::PointStyle;
 use crate::task::Cancel;
 use crate::transfer::{
@@ -34,10 +36,16 @@ pub struct Look {
     pub lengths: Lengths,
     /// Renderer for the volume.
     pub mode: RenderMode,
+    /// What the reference draws; other modes draw the one that they are of.
+    pub representation: Representation,
     /// Which faces a face renderer draws.
     pub faces: FaceDetail,
     /// How cells are drawn as points; the level of detail is that of `faces`.
     pub points: PointStyle,
+    /// How functions at the vertices are drawn.
+    pub sheets: SheetStyle,
+    /// What a field of functions is.
+    pub functions: FunctionForm,
     /// Device that renders.
     pub backend: Backend,
     /// How segments are integrated.
@@ -134,8 +142,11 @@ impl Look {
             // A mesh without extent is refused when it is built, so the diagonal is positive.
             lengths: Lengths::new(unit, diagonal(whole)),
             mode: RenderMode::default(),
+            representation: Representation::default(),
             faces: FaceDetail::default(),
             points: PointStyle::usual_of(mesh),
+            sheets: SheetStyle::default(),
+            functions: FunctionForm::default(),
             backend: Backend::default(),
             optics: OpticsKind::default(),
             surfaces: SurfaceLook::default(),
@@ -180,6 +191,17 @@ impl Look {
         Ok(Colors { table: Arc::new(self.table(range)?).into(), formula: Some(Arc::new(self.source(range))) })
     }
 
+    /// How cells are drawn in a mode, with these faces and the look's points and sheets.
+    pub fn draw(&self, mode: RenderMode, faces: FaceDetail) -> TetDraw {
+        TetDraw::chosen(mode, faces, self.points).of(self.representation).with_sheets(self.sheets)
+    }
+
+    /// Whether values of functions fall towards zero where these are thin: pictures show values that are not in the data.
+    pub fn draws_eq20(&self) -> bool {
+        let draw = self.draw(self.mode, self.faces);
+        draw.drawn_by().is_of_functions() && self.functions.normalise == Normalise::Eq20
+    }
+
     /// The level of detail: the project's if it is set and followed, else the look's.
     pub fn lod_at(&self, keyed: &Keyed) -> f64 {
         keyed.lod.filter(|_| self.followed.lod).unwrap_or(self.faces.lod)
@@ -204,7 +226,9 @@ impl Look {
         let surfaces = if followed.surfaces { keyed.surfaces } else { KeyedSurfaces::default() };
         let request = FrameRequest::new(time, camera, table, size_px).with_tets(|tets| {
             let faces = FaceDetail { lod: self.lod_at(keyed), ..self.faces };
-            tets.draw = TetDraw::chosen(self.mode, faces, self.points);
+            tets.draw = self.draw(self.mode, faces);
+            tets.functions =
+                if tets.draw.drawn_by().is_of_functions() { self.functions } else { FunctionForm::default() };
             (tets.optics, tets.formula) = (optics, formula);
             tets.show(&self.surfaces.at(surfaces));
         });

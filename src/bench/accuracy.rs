@@ -16,7 +16,10 @@ mod summary;
 
 pub use equal_time::{BUDGETS, Curves, EqualTime, EqualTimeTable, Family, Setting, curves, equal_time};
 pub use integration::{IntegrationRun, IntegrationTable, LENGTH_DECADES, integration_errors};
-pub use paths::{AccuracyPath, CODEC_PATHS, IMAGE_SCALES, KS, LODS, TABLE_SIZES, on_backends, paths};
+pub use paths::{
+    AccuracyPath, CODEC_PATHS, IMAGE_SCALES, KS, LODS, SHEET_COUNTS, SHEET_ERRORS, TABLE_SIZES, function_paths,
+    on_backends, paths,
+};
 pub use scenes::{AccuracyScene, TRANSFER_FUNCTIONS, VIEWS, View, scenes};
 pub(in crate::bench) use summary::is_judged_by;
 pub use summary::{AccuracyTable, PathSummary, front_of, path_label, summaries};
@@ -28,8 +31,11 @@ use super::report::{BenchRun, RunError};
 use crate::image::RgbaImage;
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
-use crate::pipeline::{FrameRequest, Pipeline, PipelineError, RenderMode, SampleSet, TetDraw, TetLayer};
+use crate::pipeline::{
+    FrameRequest, Pipeline, PipelineError, RenderMode, Representation, SampleSet, TetDraw, TetLayer,
+};
 use crate::render::cpu::raycast::Raycast;
+use crate::render::functions::SheetStyle;
 use crate::render::points::PointStyle;
 use crate::render::{Frame, RenderError, RenderJob, Renderer};
 use crate::stats::FrameStats;
@@ -39,6 +45,8 @@ use crate::visibility::Skip;
 /// Scenes with their reference images.
 #[derive(Clone, Debug)]
 pub struct Judged {
+    /// What the judge drew: the truth for paths of cells or of functions.
+    pub representation: Representation,
     /// The scenes.
     pub scenes: Vec<AccuracyScene>,
     /// The judge's image of each, at full size.
@@ -47,25 +55,34 @@ pub struct Judged {
     pub stats: Vec<FrameStats>,
 }
 
-/// Renders every scene with the judge; `progress` is told of each.
+/// Renders every scene with the judge of cells or functions; `progress` is told of each.
 ///
 /// # Errors
 /// If a step cannot be read, a camera has no view, or `cancel` was raised.
 pub fn judge(
     pipeline: &mut Pipeline,
     scenes: Vec<AccuracyScene>,
+    representation: Representation,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<Judged, PipelineError> {
     let (mut images, mut stats) = (Vec::new(), Vec::new());
     for scene in &scenes {
-        let request = FrameRequest { skip: ALONE, ..scene.request.clone().with_draw(TetDraw::Reference) };
+        let request = scene.judged(representation);
         let frame = pipeline.render_unless(&request, cancel)?;
         images.push(frame.planes.color.clone());
         stats.push(frame.stats.clone());
         progress.advance(1);
     }
-    Ok(Judged { scenes, images, stats })
+    Ok(Judged { representation, scenes, images, stats })
+}
+
+impl AccuracyScene {
+    /// The request of the judge.
+    fn judged(&self, representation: Representation) -> FrameRequest {
+        let draw = TetDraw::Reference.of(representation);
+        FrameRequest { skip: ALONE, ..self.request.clone().with_draw(draw) }
+    }
 }
 
 /// All skipping except reuse of the previous frame.
@@ -128,7 +145,7 @@ pub fn run_accuracy(
 /// The runs of the judge itself, for its times. They have no error.
 pub fn judge_runs(pipeline: &Pipeline, bench: &AccuracyBench<'_>) -> Vec<BenchRun> {
     let runs = bench.judged.scenes.iter().zip(&bench.judged.stats).map(|(scene, stats)| {
-        let request = FrameRequest { skip: ALONE, ..scene.request.clone().with_draw(TetDraw::Reference) };
+        let request = scene.judged(bench.judged.representation);
         let run = describe(pipeline, bench.dataset, &request, std::slice::from_ref(stats));
         BenchRun { scene: Some(scene.name.clone()), ratio: bench.ratio, ..run }
     });
@@ -185,6 +202,7 @@ impl AccuracyPath {
         let knows_transparent = self.own_table().is_none();
         let with_path = |tets: &mut TetLayer| {
             (tets.draw, tets.optics) = (TetDraw::chosen(self.mode, self.faces(), PointStyle::EXACT), self.optics);
+            tets.draw = tets.draw.with_sheets(SheetStyle { spacing: self.sheets });
             tets.formula.take_if(|_| self.mode == RenderMode::Reference);
         };
         FrameRequest {

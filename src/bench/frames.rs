@@ -3,7 +3,7 @@
 use super::{BenchRun, JUDGE_REFERENCE, JUDGE_TABLE, RunError, RunTimes};
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
-use crate::pipeline::{DrawnBy, FrameRequest, Pipeline, PipelineError, TetDraw};
+use crate::pipeline::{DrawnBy, FrameRequest, Pipeline, PipelineError};
 use crate::stats::FrameStats;
 use crate::task::{Cancel, Progress};
 
@@ -65,7 +65,7 @@ pub fn run_frames(
         measured.push(frame.stats.clone());
         if bench.judged && (index - WARM_UP).is_multiple_of(JUDGE_EVERY) {
             let fast = frame.planes.color.clone();
-            let judge = pipeline.render_unless(&request.with_draw(TetDraw::Reference), cancel)?;
+            let judge = pipeline.render_unless(&judge_of(&request), cancel)?;
             let judged_by = if judge.stats.by_formula { JUDGE_REFERENCE } else { JUDGE_TABLE };
             let error = RunError::between(&judge.planes.color, &fast, judged_by);
             worst = Some(match worst {
@@ -97,6 +97,11 @@ fn request_of(pipeline: &Pipeline, bench: &FrameBench, index: usize) -> Result<F
     Ok(request)
 }
 
+/// The request of a frame by the float64 reference.
+fn judge_of(request: &FrameRequest) -> FrameRequest {
+    request.clone().with_tets(|tets| tets.draw = tets.draw.judge())
+}
+
 /// The record of a request's frames, without motion and error.
 pub(super) fn describe(
     pipeline: &Pipeline,
@@ -112,7 +117,7 @@ pub(super) fn describe(
     let drawn_by = tets.map_or(DrawnBy::Raycast, |tets| tets.draw.drawn_by());
     let k_buffer = drawn_by.faces().map(|detail| detail.k_buffer);
     // The reference integrates exactly, whatever was requested.
-    let optics = tets.filter(|_| drawn_by != DrawnBy::Reference).map_or(OpticsKind::Exact, |tets| tets.optics);
+    let optics = tets.filter(|_| !drawn_by.is_reference()).map_or(OpticsKind::Exact, |tets| tets.optics);
     BenchRun {
         dataset: dataset.to_owned(),
         cells,
@@ -123,16 +128,20 @@ pub(super) fn describe(
         size: [request.size_px.0 as u32, request.size_px.1 as u32],
         backend: if measured.iter().any(|stats| stats.on_gpu) { "gpu" } else { "cpu" }.to_owned(),
         mode: match drawn_by {
-            DrawnBy::Reference if !measured.iter().all(|stats| stats.by_formula) => "reference-table",
+            DrawnBy::Reference | DrawnBy::Judge if !measured.iter().all(|stats| stats.by_formula) => "reference-table",
             by => by.name(),
         }
         .to_owned(),
         lod: request.lod(),
         optics: optics.to_string(),
         codec: pipeline.field().codec.clone(),
-        skip: request.skip.transparent_cells && drawn_by != DrawnBy::Reference,
+        skip: request.skip.transparent_cells && !drawn_by.is_reference(),
         k: k_buffer.map(|buffer| buffer.k),
         exact_order: k_buffer.map(|buffer| buffer.exact_order),
+        sheets: match drawn_by {
+            DrawnBy::Sheets(style) => Some(style.spacing),
+            _ => None,
+        },
         table_size: (optics == OpticsKind::Table3d).then_some(Table3dResolution::default().scalars),
         image_scale: request.upsampling.map_or(1.0, |of| 1.0 / of.scale.factor() as f64),
         upsample: request.upsampling.map(|of| of.filter.kind().to_string()),

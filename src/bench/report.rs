@@ -5,6 +5,7 @@
 use super::accuracy::IntegrationRun;
 use super::{HeldRun, Machine, PlaybackRun, PointsRun, StillRun, percentile};
 use crate::image::{RgbaImage, compare};
+use crate::render::functions::SheetSpacing;
 use crate::stats::FrameStats;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -75,6 +76,9 @@ pub struct BenchRun {
     /// Whether fragments out of order are corrected; `None` without faces.
     #[serde(default)]
     pub exact_order: Option<bool>,
+    /// How far sheets are apart; `None` without functions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sheets: Option<SheetSpacing>,
     /// Entries of the pre-integrated table along a scalar axis; `None` without a table.
     #[serde(default)]
     pub table_size: Option<usize>,
@@ -233,6 +237,7 @@ mod tests {
             optics: "exact".to_owned(),
             codec: "raw".to_owned(),
             skip: true,
+            sheets: None,
             k: Some(8),
             exact_order: Some(true),
             table_size: None,

@@ -21,6 +21,7 @@ pub(in crate::bench) fn run(series: &str, ms: f64, rmse: f64) -> BenchRun {
         skip: true,
         k: None,
         exact_order: None,
+        sheets: None,
         table_size: None,
         image_scale: 1.0,
         upsample: None,

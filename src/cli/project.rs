@@ -5,7 +5,7 @@ use crate::export::movie::MovieFormat;
 use crate::export::run::{RunError, pattern_in};
 use crate::export::still::StillFormat;
 use crate::files;
-use crate::pipeline::RenderMode;
+use crate::pipeline::{RenderMode, Representation};
 use crate::project::{LookSettings, Output, Project, ProjectError};
 use crate::scene::SceneError;
 use anyhow::{Context, bail};
@@ -64,13 +64,23 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
             _ => timeline.optics = Default::default(),
         }
     }
-    if says("mode") && matches!(given.get_one("mode"), Some(RenderMode::Raycast | RenderMode::Reference)) {
+    leave_out_the_other_representation(&mut project.look, given);
+    if says("mode")
+        && matches!(given.get_one("mode"), Some(RenderMode::Raycast | RenderMode::Sheets | RenderMode::Reference))
+    {
         // These modes draw all cells.
         (timeline.lod, project.look.lod) = Default::default();
     }
     if says("mode") && given.get_one("mode") != Some(&RenderMode::Points) {
         let look = &mut project.look;
         (look.footprint, look.compositing, look.point_radius) = Default::default();
+    }
+    // One of them replaces the other.
+    if says("sheets") {
+        project.look.sampling_error = None;
+    }
+    if says("sampling_error") {
+        project.look.sheets = None;
     }
     // Repeatable options would add to the project's.
     if says("iso") {
@@ -109,6 +119,27 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
     let args = Box::new(A::from_arg_matches_mut(&mut matches)?);
     let source = folder.join(&project.data.source);
     Ok(Opened { project: Arc::new(project), source, args })
+}
+
+/// Removes the project's representation or mode that does not go with the user's mode or representation.
+fn leave_out_the_other_representation(look: &mut LookSettings, given: &ArgMatches) {
+    let of_user = |option: &str| given.value_source(option) == Some(ValueSource::CommandLine);
+    let mode = given.get_one::<RenderMode>("mode").copied().filter(|_| of_user("mode"));
+    let representation = given.get_one::<Representation>("representation").copied();
+    match (mode, representation) {
+        (Some(mode), None) => look.representation = look.representation.filter(|of| mode.of(Some(*of)).is_ok()),
+        (None, Some(_)) => look.mode = look.mode.filter(|mode| mode.of(representation).is_ok()),
+        _ => {}
+    }
+    let mode = mode.or(look.mode).unwrap_or_default();
+    let representation = representation.or(look.representation);
+    if mode.of(representation) == Ok(RenderMode::Sheets) {
+        return;
+    }
+    (look.sheets, look.sampling_error) = Default::default();
+    if (mode, representation) != (RenderMode::Reference, Some(Representation::Vertices)) {
+        (look.domain, look.normalise) = Default::default();
+    }
 }
 
 /// The command line with the camera itself in place of the name of one.
@@ -223,14 +254,20 @@ mod tests {
     use glam::DVec3;
 
     /// Options of looks, by what they set.
-    const LOOKS: [&str; 11] = [
+    const LOOKS: [&str; 17] = [
         "",
         "--opacity-kind extinction --unit-distance 0.1 --optics partial --backend cpu",
         "--mode havs --lod 0.3 --sampling greedy:9 --k 12 --inexact-order",
         "--mode points --footprint ellipse --compositing gap --point-radius 0.6 --lod 0.5 --inexact-order",
         "--mode points --lod 0.5 --sampling plain",
+        "--mode sheets --sheets 40",
+        "--mode sheets --sampling-error 0.01",
         "--mode raycast --camera pos=1,2,3_focal=0.1,0,0.3_up=0,0,1_angle=20.5_near=0.25",
         "--mode reference --camera parallel=3",
+        "--mode reference --representation vertices",
+        "--mode reference --representation cells --camera parallel=2",
+        "--representation vertices --sheets 40 --domain box",
+        "--mode reference --representation vertices --domain coverage --normalise eq20",
         "--iso=-9:#ff8000/#102030:0.4 --iso=-50:by=velocity:0@gray:0.25 --iso=-120.5:by=velocity:1 --shade vertex --ao",
         "--iso=-30.2 --no-volume --light 1,2,3 --shade-volume --no-smoothing",
         "--cut point=1,2,3_normal=0,0.6,0.8_clip --cut point=0,0,5_normal=1,0,0_field=velocity:2@inferno",

@@ -9,9 +9,10 @@ use crate::field::FieldSelector;
 use crate::look::{DEFAULT_TF, Look};
 use crate::mesh::Mesh;
 use crate::optics::OpticsKind;
-use crate::pipeline::{Backend, FaceDetail, Pipeline, RenderMode, Sampling, Series, TetDraw};
+use crate::pipeline::{Backend, FaceDetail, Pipeline, RenderMode, Representation, Sampling, Series, TetDraw};
 use crate::project::Project;
 use crate::render::KBuffer;
+use crate::render::functions::{FunctionDomain, FunctionForm, Normalise, SheetSpacing, SheetStyle};
 #[cfg(feature = "gpu")]
 use crate::render::gpu::context::ContextOptions;
 use crate::render::points::{Compositing, Footprint, PointStyle};
@@ -48,14 +49,20 @@ pub(super) struct SceneArgs {
     /// its cameras
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
     pub(super) camera: Option<String>,
-    /// auto (raycast, or havs for a --lod below 1), raycast, havs (faces through a k-buffer), points (cell by cell; docs/points.md),
-    /// or reference (float64, slow)
+    /// auto (raycast, or havs for a --lod below 1), raycast, havs (faces through a k-buffer), points (cell by cell; docs/points.md), sheets
+    /// (functions at the vertices; docs/functions.md), or reference (float64, slow)
     #[arg(long, value_name = "MODE", default_value = "auto")]
-    pub(super) mode: RenderMode,
+    mode: RenderMode,
+    /// What the field is drawn as: cells, or vertices (functions at the vertices: by --mode sheets or reference); by default what the mode
+    /// draws
+    #[arg(long, value_name = "WHAT")]
+    representation: Option<Representation>,
     #[command(flatten)]
     pub(super) faces: FaceArgs,
     #[command(flatten)]
     pub(super) points: PointArgs,
+    #[command(flatten)]
+    pub(super) sheets: SheetArgs,
     /// auto (the GPU if there is one), cpu, or gpu
     #[arg(long, value_name = "BACKEND", default_value = "auto")]
     pub(super) backend: Backend,
@@ -118,6 +125,37 @@ pub(super) struct PointArgs {
     point_radius: f64,
 }
 
+/// Options for functions.
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct SheetArgs {
+    /// Number of sheets through the whole mesh, evenly (--mode sheets)
+    #[arg(long, value_name = "N", conflicts_with = "sampling_error", value_parser = clap::value_parser!(u32).range(2..=i64::from(SheetStyle::MOST_SHEETS)))]
+    sheets: Option<u32>,
+    /// Error of the scalar between two sheets, a share of the field's range: sheets are closer where the field changes more (default: 0.001)
+    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = parse_sampling_error)]
+    sampling_error: Option<f64>,
+    /// Where a field of functions is: mesh, box (of their centres, wherever one reaches) or coverage (where they are dense) (default: mesh;
+    /// coverage of points without cells)
+    #[arg(long, value_name = "DOMAIN")]
+    domain: Option<FunctionDomain>,
+    /// What the sum of values of functions is divided by: sum (of their weights) or eq20 (that or 1, if more, as in the paper; draws values
+    /// that are not there)
+    #[arg(long, value_name = "BY", default_value = "sum")]
+    normalise: Normalise,
+}
+
+impl SheetArgs {
+    pub(super) fn style(&self) -> SheetStyle {
+        let count = self.sheets.map(SheetSpacing::Count);
+        let spacing = count.or(self.sampling_error.map(SheetSpacing::Error));
+        spacing.map_or_else(SheetStyle::default, |spacing| SheetStyle { spacing })
+    }
+
+    fn form(&self) -> FunctionForm {
+        FunctionForm { domain: self.domain, normalise: self.normalise }
+    }
+}
+
 impl SceneArgs {
     /// How cells are drawn as points.
     fn point_style(&self) -> PointStyle {
@@ -142,14 +180,43 @@ impl SceneArgs {
         Ok(PointStyle { footprint, ..style })
     }
 
+    /// The mode, by the representation where it is left to that.
+    pub(super) fn mode(&self) -> RenderMode {
+        // What does not fit is refused by `check_mode`.
+        self.mode.of(self.representation).unwrap_or(self.mode)
+    }
+
+    /// The representation that was asked for.
+    pub(super) fn representation(&self) -> Option<Representation> {
+        self.representation
+    }
+
+    /// What the reference draws.
+    fn judged(&self) -> Representation {
+        self.representation.filter(|_| self.mode == RenderMode::Reference).unwrap_or_default()
+    }
+
     /// How cells are drawn.
     pub(super) fn draw(&self) -> TetDraw {
-        TetDraw::chosen(self.mode, self.faces.detail(), self.point_style())
+        let draw = TetDraw::chosen(self.mode(), self.faces.detail(), self.point_style());
+        draw.of(self.judged()).with_sheets(self.sheets.style())
     }
 
     /// Refuses options of other modes than the chosen one.
     fn check_mode(&self, mesh: &Mesh) -> anyhow::Result<()> {
         let (draw, faces, style) = (self.draw(), self.faces.detail(), self.point_style_of(mesh)?);
+        if let Err(problem) = self.mode.of(self.representation) {
+            bail!("--mode {} {problem}", self.mode);
+        }
+        if self.mode() != RenderMode::Sheets && (self.sheets.sheets.is_some() || self.sheets.sampling_error.is_some()) {
+            bail!("--sheets and --sampling-error are about functions on sheets; add --mode sheets");
+        }
+        if !draw.drawn_by().is_of_functions() && !self.sheets.form().is_usual() {
+            bail!("--domain and --normalise are about functions; add --representation vertices");
+        }
+        if self.mode() == RenderMode::Sheets && self.backend == Backend::Gpu {
+            bail!("functions on sheets are rendered on the CPU only; leave --backend gpu out");
+        }
         if let TetDraw::Points(_) = draw {
             if let Sampling::Local(_) = faces.sampling {
                 bail!("--sampling {} is about faces; points have error, random, global and plain", faces.sampling);
@@ -239,6 +306,12 @@ fn parse_radius(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(is_within).ok_or_else(|| format!("a point radius is above 0 and at most {most}"))
 }
 
+fn parse_sampling_error(text: &str) -> Result<f64, String> {
+    let style = |error| SheetStyle { spacing: SheetSpacing::Error(error) };
+    let error: f64 = text.parse().map_err(|_| "an error is a number, a share of the field's range".to_owned())?;
+    style(error).check().map(|()| error)
+}
+
 fn parse_length(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()
@@ -304,10 +377,13 @@ impl SceneArgs {
                 unit_distance: self.unit_distance.unwrap_or(look.lengths.unit_distance),
                 ..look.lengths
             },
-            mode: self.mode.on(series.mesh()),
+            mode: self.mode().on(series.mesh()),
+            representation: self.judged(),
             faces,
             // Its level of detail is that of the faces.
             points: PointStyle { lod: 1.0, ..self.point_style_of(series.mesh())? },
+            sheets: self.sheets.style(),
+            functions: self.sheets.form(),
             backend: self.backend,
             optics: self.optics,
             surfaces: self.surfaces.look(series, &look.tf, look.lengths)?,

@@ -30,4 +30,6 @@ pub mod points;
 pub mod report;
 pub mod vertices;
 
+#[cfg(test)]
+pub(crate) use kernels::tests::random_factor;
 pub use kernels::{Kernels, Placed, value_at};

@@ -85,6 +85,7 @@ impl Series {
             ranges: Default::default(),
             quantities: self.quantities.clone(),
             beside: self.beside.of_the_same_store(),
+            functions: self.functions.clone(),
         })
     }
 }

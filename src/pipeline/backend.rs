@@ -6,6 +6,7 @@ use super::device::{Backend, Primitive};
 use super::gpu::Gpu;
 use super::preparation::Ordered;
 use super::residual::AddDetails;
+use crate::render::cpu::functions::Sheets;
 use crate::render::cpu::havs::Havs;
 use crate::render::cpu::points::Points;
 use crate::render::cpu::raycast::Raycast;
@@ -31,6 +32,7 @@ struct CpuRenderers {
     raycast: Raycast,
     havs: Havs,
     points: Points,
+    sheets: Sheets,
     reference: Reference,
 }
 
@@ -40,7 +42,8 @@ impl CpuRenderers {
             DrawnBy::Raycast => &mut self.raycast,
             DrawnBy::Faces(_) => &mut self.havs,
             DrawnBy::Points(_) => &mut self.points,
-            DrawnBy::Reference => &mut self.reference,
+            DrawnBy::Sheets(_) => &mut self.sheets,
+            DrawnBy::Reference | DrawnBy::Judge => &mut self.reference,
         }
     }
 }
@@ -137,7 +140,7 @@ impl Renderers {
             DrawnBy::Raycast => Some(Primitive::Cells),
             DrawnBy::Faces(_) => Some(Primitive::Faces),
             DrawnBy::Points(_) => Some(Primitive::Points),
-            DrawnBy::Reference => None,
+            DrawnBy::Sheets(_) | DrawnBy::Reference | DrawnBy::Judge => None,
         };
         if primitive.is_some() {
             self.check(backend)?;

@@ -3,6 +3,7 @@
 use super::Sampling;
 use super::text::FaceText;
 use crate::mesh::Mesh;
+use crate::render::functions::SheetStyle;
 use crate::render::points::{Compositing, PointStyle};
 use crate::render::{KBuffer, RenderError};
 use crate::short::Short;
@@ -23,6 +24,8 @@ pub enum RenderMode {
     Havs,
     /// Cells as points, [`crate::render::cpu::points`].
     Points,
+    /// The field as a sum of functions at the vertices, splatted onto sheets, [`crate::render::cpu::functions`]; on the CPU.
+    Sheets,
     /// Float64 reference, [`mod@crate::render::reference`]; on the CPU whatever the backend.
     Reference,
 }
@@ -30,10 +33,40 @@ pub enum RenderMode {
 words!(
     RenderMode,
     "there is no mode",
-    ["auto" = Auto, "raycast" = Raycast, "havs" = Havs, "points" = Points, "reference" = Reference]
+    ["auto" = Auto, "raycast" = Raycast, "havs" = Havs, "points" = Points, "sheets" = Sheets, "reference" = Reference]
 );
 
+/// What a field is drawn as, as options and project files name it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Representation {
+    /// Linear in the cells of the mesh, or constant.
+    #[default]
+    Cells,
+    /// A sum of functions at the vertices, [`crate::functions`].
+    Vertices,
+}
+
+words!(Representation, "there is no representation", ["cells" = Cells, "vertices" = Vertices]);
+
 impl RenderMode {
+    /// The mode that draws a representation, if one is asked for: [`Self::Auto`] is [`Self::Sheets`] for functions.
+    ///
+    /// # Errors
+    /// If the mode draws another one; says which modes draw this.
+    pub fn of(self, representation: Option<Representation>) -> Result<Self, String> {
+        match (self, representation) {
+            (Self::Auto, Some(Representation::Vertices)) => Ok(Self::Sheets),
+            (Self::Sheets, Some(Representation::Cells)) => {
+                Err("draws functions at the vertices; choose raycast, havs, points or reference, or --representation vertices".to_owned())
+            }
+            (Self::Raycast | Self::Havs | Self::Points, Some(Representation::Vertices)) => {
+                Err("draws cells; choose sheets or reference, or --representation cells".to_owned())
+            }
+            _ => Ok(self),
+        }
+    }
+
     /// The mode for a mesh: [`Self::Auto`] is [`Self::Points`] where there is no connectivity.
     #[must_use]
     pub fn on(self, mesh: &Mesh) -> Self {
@@ -90,8 +123,12 @@ pub enum TetDraw {
     Faces(FaceDetail),
     /// Cells as points, all or some: [`crate::render::cpu::points`].
     Points(PointStyle),
+    /// Functions at the vertices, on sheets: [`crate::render::cpu::functions`].
+    Sheets(SheetStyle),
     /// All cells, by the float64 reference, [`mod@crate::render::reference`]; on the CPU whatever the backend.
     Reference,
+    /// Functions at the vertices, by the float64 reference.
+    Judge,
 }
 
 impl TetDraw {
@@ -110,7 +147,32 @@ impl TetDraw {
             RenderMode::Points => {
                 Self::Points(PointStyle { lod: faces.lod, importance: faces.sampling.importance(), ..points })
             }
+            RenderMode::Sheets => Self::Sheets(SheetStyle::default()),
             RenderMode::Reference => Self::Reference,
+        }
+    }
+
+    /// The setting with sheets in this style, if it draws some.
+    #[must_use]
+    pub fn with_sheets(self, style: SheetStyle) -> Self {
+        if let Self::Sheets(_) = self { Self::Sheets(style) } else { self }
+    }
+
+    /// The setting for a representation: the reference is that of functions, if these are asked for.
+    #[must_use]
+    pub fn of(self, representation: Representation) -> Self {
+        match (self, representation) {
+            (Self::Reference, Representation::Vertices) => Self::Judge,
+            _ => self,
+        }
+    }
+
+    /// The float64 reference of what the setting draws.
+    #[must_use]
+    pub fn judge(self) -> Self {
+        match self {
+            Self::Sheets(_) | Self::Judge => Self::Judge,
+            Self::Auto | Self::Raycast | Self::Faces(_) | Self::Points(_) | Self::Reference => Self::Reference,
         }
     }
 
@@ -126,7 +188,9 @@ impl TetDraw {
             Self::Auto | Self::Raycast => DrawnBy::Raycast,
             Self::Faces(detail) => DrawnBy::Faces(detail),
             Self::Points(style) => DrawnBy::Points(style),
+            Self::Sheets(style) => DrawnBy::Sheets(style),
             Self::Reference => DrawnBy::Reference,
+            Self::Judge => DrawnBy::Judge,
         }
     }
 
@@ -135,7 +199,7 @@ impl TetDraw {
         match self.drawn_by() {
             DrawnBy::Faces(detail) => detail.lod,
             DrawnBy::Points(style) => style.lod,
-            DrawnBy::Raycast | DrawnBy::Reference => 1.0,
+            DrawnBy::Raycast | DrawnBy::Sheets(_) | DrawnBy::Reference | DrawnBy::Judge => 1.0,
         }
     }
 }
@@ -149,8 +213,12 @@ pub enum DrawnBy {
     Faces(FaceDetail),
     /// The point renderer.
     Points(PointStyle),
-    /// The float64 reference.
+    /// The renderer of functions.
+    Sheets(SheetStyle),
+    /// The float64 reference, of cells.
     Reference,
+    /// The float64 reference, of functions.
+    Judge,
 }
 
 impl DrawnBy {
@@ -160,7 +228,8 @@ impl DrawnBy {
             Self::Raycast => "raycast",
             Self::Faces(_) => "havs",
             Self::Points(_) => "points",
-            Self::Reference => "reference",
+            Self::Sheets(_) => "sheets",
+            Self::Reference | Self::Judge => "reference",
         }
     }
 
@@ -168,20 +237,32 @@ impl DrawnBy {
     pub fn faces(self) -> Option<FaceDetail> {
         match self {
             Self::Faces(detail) => Some(detail),
-            Self::Raycast | Self::Points(_) | Self::Reference => None,
+            Self::Raycast | Self::Points(_) | Self::Sheets(_) | Self::Reference | Self::Judge => None,
         }
     }
 
-    /// Whether cells that show nothing must be drawn as well: the reference skips nothing, and gaps lie between points of any cells.
+    /// Whether cells that show nothing must be drawn as well: the reference skips nothing, functions reach into the cells around, and gaps
+    /// lie between points of any cells.
     pub(super) fn needs_all_cells(self) -> bool {
-        self == Self::Reference || self.points().is_some_and(|style| style.compositing == Compositing::Gap)
+        matches!(self, Self::Reference | Self::Judge | Self::Sheets(_))
+            || self.points().is_some_and(|style| style.compositing == Compositing::Gap)
+    }
+
+    /// Whether it is the float64 reference, which needs no device and no tables.
+    pub fn is_reference(self) -> bool {
+        matches!(self, Self::Reference | Self::Judge)
+    }
+
+    /// Whether functions are drawn.
+    pub fn is_of_functions(self) -> bool {
+        matches!(self, Self::Sheets(_) | Self::Judge)
     }
 
     /// How cells are drawn as points; `None` if they are not.
     pub fn points(self) -> Option<PointStyle> {
         match self {
             Self::Points(style) => Some(style),
-            Self::Raycast | Self::Faces(_) | Self::Reference => None,
+            Self::Raycast | Self::Faces(_) | Self::Sheets(_) | Self::Reference | Self::Judge => None,
         }
     }
 }
@@ -203,12 +284,36 @@ mod tests {
             (RenderMode::Havs, half, DrawnBy::Faces(half)),
             (RenderMode::Points, all, DrawnBy::Points(points)),
             (RenderMode::Points, half, DrawnBy::Points(PointStyle { lod: 0.5, ..points })),
+            (RenderMode::Sheets, half, DrawnBy::Sheets(SheetStyle::default())),
             (RenderMode::Reference, half, DrawnBy::Reference),
         ] {
             assert_eq!(comes_to(mode, faces), expected, "{mode}");
-            let is_whole = faces == all || matches!(expected, DrawnBy::Raycast | DrawnBy::Reference);
+            let is_whole =
+                faces == all || matches!(expected, DrawnBy::Raycast | DrawnBy::Sheets(_) | DrawnBy::Reference);
             assert_eq!(TetDraw::chosen(mode, faces, points).lod() == 1.0, is_whole, "{mode}");
         }
         assert_eq!(TetDraw::default(), TetDraw::chosen(RenderMode::default(), all, points));
+    }
+
+    #[test]
+    fn a_mode_draws_one_representation_and_the_reference_both() {
+        let [cells, vertices] = Representation::ALL;
+        for mode in RenderMode::ALL {
+            assert_eq!(mode.of(None), Ok(mode));
+            let is_of = |representation| mode.of(Some(representation)).is_ok();
+            let expected = match mode {
+                RenderMode::Auto | RenderMode::Reference => [true, true],
+                RenderMode::Sheets => [false, true],
+                RenderMode::Raycast | RenderMode::Havs | RenderMode::Points => [true, false],
+            };
+            assert_eq!([is_of(cells), is_of(vertices)], expected, "{mode}");
+        }
+        assert_eq!(RenderMode::Auto.of(Some(vertices)), Ok(RenderMode::Sheets));
+        let sheets = TetDraw::Sheets(SheetStyle::default());
+        let judges = [(sheets, TetDraw::Judge), (TetDraw::Judge, TetDraw::Judge), (TetDraw::Auto, TetDraw::Reference)];
+        for (draw, judge) in judges {
+            assert_eq!((draw.judge(), judge.drawn_by().is_reference()), (judge, true));
+        }
+        assert_eq!([cells, vertices].map(|of| TetDraw::Reference.of(of)), [TetDraw::Reference, TetDraw::Judge]);
     }
 }

@@ -6,6 +6,7 @@ use crate::field::Regions;
 use crate::node_table::{NodeTable, TransferTable};
 use crate::optics::OpticsKind;
 use crate::render::domain::{self, DomainSurface};
+use crate::render::functions::FunctionForm;
 use crate::render::surfaces::{self, CropBox, Cut, CutError, Isosurface, SurfaceError, SurfaceShading};
 use crate::transfer::TransferSource;
 use serde::{Deserialize, Serialize};
@@ -51,7 +52,8 @@ impl Layer {
         match layer.draw.drawn_by() {
             DrawnBy::Faces(detail) => detail.check(),
             DrawnBy::Points(style) => style.check(),
-            DrawnBy::Raycast | DrawnBy::Reference => Ok(()),
+            DrawnBy::Sheets(style) => style.check(),
+            DrawnBy::Raycast | DrawnBy::Reference | DrawnBy::Judge => Ok(()),
         }
     }
 }
@@ -98,6 +100,9 @@ pub struct TetLayer {
     /// How the cells are drawn.
     #[serde(default)]
     pub draw: TetDraw,
+    /// What a field of functions is, where functions are drawn.
+    #[serde(default, skip_serializing_if = "FunctionForm::is_usual")]
+    pub functions: FunctionForm,
 }
 
 /// Another field of the store, and its colour table.
@@ -127,6 +132,7 @@ impl TetLayer {
             shading: SurfaceShading::default(),
             volume: true,
             draw: TetDraw::default(),
+            functions: FunctionForm::default(),
         }
     }
 
@@ -159,16 +165,17 @@ impl TetLayer {
 
     /// Whether the picture depends on the formula beside the table.
     pub(super) fn needs_formula(&self) -> bool {
-        self.draw == TetDraw::Reference || self.has_colored_surfaces()
+        self.draw.drawn_by().is_reference() || self.has_colored_surfaces()
     }
 
     /// Whether both look the same.
     fn looks_like(&self, other: &Self) -> bool {
         let Self { field, table, formula, optics, surfaces, cuts, beside, domain, .. } = self;
-        let Self { parts, regions, shading, volume, draw, .. } = self;
+        let Self { parts, regions, shading, volume, draw, functions, .. } = self;
         (field, surfaces, cuts, domain) == (&other.field, &other.surfaces, &other.cuts, &other.domain)
             && (beside, parts, regions) == (&other.beside, &other.parts, &other.regions)
             && (*optics, *shading, *volume, *draw) == (other.optics, other.shading, other.volume, other.draw)
+            && *functions == other.functions
             && *table == other.table
             && (!self.needs_formula() || *formula == other.formula)
     }
@@ -323,6 +330,9 @@ pub enum RequestError {
         "{0} need cells, and the series is of points alone; choose --mode points with footprint square, circle or ellipse, without them"
     )]
     OfPoints(&'static str),
+    /// Functions at the vertices cannot be drawn like that.
+    #[error("functions at the vertices (--representation vertices, --mode sheets) are drawn without cells: {0}")]
+    OfFunctions(String),
     /// The store has no field of that name beside the one shown.
     #[error("the field beside {0}")]
     NoFieldBeside(String),

@@ -12,6 +12,7 @@ mod distribution;
 mod draw;
 mod enlarging;
 mod frames;
+mod functions;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod in_sight;
@@ -45,7 +46,7 @@ mod window_gpu;
 
 pub use crate::render::upsampling::{DepthEdges, ImageScale, UpsampleFilter, UpsampleKind, Upsampling};
 pub use device::Backend;
-pub use draw::{DrawnBy, FaceDetail, RenderMode, TetDraw};
+pub use draw::{DrawnBy, FaceDetail, RenderMode, Representation, TetDraw};
 pub use frames::SharedFrame;
 pub use layer::{ColorsBeside, KeyedSurfaces, Layer, RequestError, Shown, SurfaceLook, TetLayer};
 pub use pipelined::{Pipelined, PipelinedOptions};

@@ -1,6 +1,7 @@
 //! The first two stages of a frame: decode its scalars, then find and sort the cells and faces to draw.
 
 use super::enlarging::Enlarge;
+use super::functions;
 use super::in_sight::{CellsInSight, InSight, Sight};
 use super::points::PointLists;
 use super::quantities::Gradients;
@@ -20,6 +21,7 @@ use crate::lod::Selector;
 use crate::node_table::NodeTable;
 use crate::optics::OpticsKind;
 use crate::render::cpu::Placer;
+use crate::render::functions::SheetStyle;
 use crate::render::residual::lattice;
 use crate::render::surfaces::screen::{Screen, set_guides};
 use crate::render::surfaces::{FieldBeside, Normals, SurfaceScene, SurfaceShading, VertexGradients, cut_planes};
@@ -94,6 +96,9 @@ impl Decode {
         let by = layer.map_or(DrawnBy::Raycast, |layer| layer.draw.on(&series.mesh).drawn_by());
         if let Some(layer) = layer {
             unconnected::check(&series.mesh, layer, by, request)?;
+            if by.is_of_functions() {
+                functions::check(series, layer, request)?;
+            }
         }
         let Some(layer) = layer.filter(|layer| !layer.is_empty()) else {
             return Ok(Blank::of(&mut self.blank, series).decoded(by));
@@ -122,7 +127,7 @@ impl Decode {
         let region_values = self.region_fields.values(series, &layer, request.time, cancel, &mut stats)?;
         let known = needed.map(|needed| needed.labels).unwrap_or_default();
         stats.chunks_skipped = known.iter().filter(|label| label.is_some()).count() as u64;
-        let is_for_gpu = request.backend != Backend::Cpu && by != DrawnBy::Reference;
+        let is_for_gpu = request.backend != Backend::Cpu && !by.is_reference() && !by.is_of_functions();
         let compressed = if is_for_gpu { series.compressed(request.time)? } else { None };
         stats.ms_decode = started.elapsed().as_secs_f64() * 1e3;
         Ok(Decoded { layer, by, scalars, compressed, transparent, colors, beside, region_values, known, stats })
@@ -215,7 +220,7 @@ impl Blank {
     fn decoded(&self, by: DrawnBy) -> Decoded {
         Decoded {
             layer: TetLayer::new(self.table.clone()),
-            by: if by == DrawnBy::Reference { by } else { DrawnBy::Raycast },
+            by: if by.is_reference() { by } else { DrawnBy::Raycast },
             scalars: self.scalars.clone(),
             compressed: None,
             transparent: self.transparent.clone(),
@@ -280,7 +285,7 @@ impl OnImage {
 fn check_upsampling(request: &FrameRequest, upsampling: Upsampling, by: DrawnBy) -> Result<(), RequestError> {
     upsampling.check().map_err(RequestError::Upsampling)?;
     let problem = match (by, &request.samples) {
-        (DrawnBy::Reference, _) => "choose another mode, or leave the scale of the image out",
+        (DrawnBy::Reference | DrawnBy::Judge, _) => "choose another mode, or leave the scale of the image out",
         (_, SampleSet::All) => return Ok(()),
         _ => "cast all rays, or leave the scale of the image out",
     };
@@ -310,7 +315,7 @@ pub(super) struct Order {
 impl Order {
     /// Places the primitives of a CPU job in its view, while the renderer is busy with the frame before.
     pub(super) fn place_ahead(&mut self, Ordered { job, by, .. }: &mut Ordered) {
-        if *by != DrawnBy::Reference {
+        if !by.is_reference() {
             let table = self.tables.get(job);
             self.placer.place(job, &table);
         }
@@ -386,6 +391,16 @@ impl Order {
             }
             None => None,
         };
+        let functions = match by {
+            DrawnBy::Sheets(style) => Some(series.functions(style, layer.functions, &layer.shading)?),
+            DrawnBy::Judge => Some(series.functions(SheetStyle::default(), layer.functions, &layer.shading)?),
+            _ => None,
+        };
+        // The cells of a cloud are its vertices.
+        let scalars = match functions.is_some() && series.mesh.is_cloud() {
+            true => Scalars::Vertices(scalars.values().clone()),
+            false => scalars,
+        };
         let joint = match layer.table.joint() {
             None => None,
             Some(table) => {
@@ -396,7 +411,11 @@ impl Order {
         let shading = layer.shading;
         let (domain_colors, clips) = (colors.table.clone(), planes.clips.clone());
         let of_scene = (colors, planes, beside);
-        let surfaces = self.surfaces(series, &layer, of_scene, (&scalars, &active), cancel)?;
+        let surfaces = match functions {
+            // Their light is their own.
+            Some(_) => None,
+            None => self.surfaces(series, &layer, of_scene, (&scalars, &active), cancel)?,
+        };
         let of_shells = ShellCells { domain: &finite, of_all_regions: &of_all_regions, region_values: &region_values };
         let shells = self.shells.update(&layer, &series.mesh, of_shells);
         let mut job = RenderJob {
@@ -414,6 +433,7 @@ impl Order {
             shells,
             faces,
             points,
+            functions,
             k_buffer,
             clusters: Some(series.clusters().clone()),
             skip: request.skip,
@@ -422,7 +442,7 @@ impl Order {
             stats,
             ..RenderJob::new(series.mesh.clone(), scalars, active, view, layer.table.over_scalars().clone())
         };
-        if by != DrawnBy::Reference {
+        if !by.is_reference() {
             self.prepare_table(&mut job)?;
         }
         job.fragments = self.shells.fragments(&job, shading, &domain_colors, &clips)?;

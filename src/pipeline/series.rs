@@ -1,5 +1,6 @@
 //! One field of a store, opened for playing.
 
+use super::functions::KeptFunctions;
 use super::kept::{ChunkRanges, Quantities, Rankings};
 use super::time::FrameTime;
 use crate::codec::vq::{self, VqBlock};
@@ -98,6 +99,7 @@ pub struct Series {
     pub(super) ranges: ChunkRanges,
     pub(super) quantities: Arc<Quantities>,
     pub(super) beside: Beside,
+    pub(super) functions: KeptFunctions,
 }
 
 /// Other fields of the store of a series, opened when they are first asked for.
@@ -203,6 +205,7 @@ impl Series {
             ranges: ChunkRanges::default(),
             quantities: Arc::default(),
             beside: Beside { store: Some(store.path().to_owned()), ..Beside::default() },
+            functions: KeptFunctions::default(),
         })
     }
 

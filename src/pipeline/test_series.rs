@@ -199,6 +199,7 @@ fn of_field(steps: usize, field: StoredField) -> (Arc<Series>, Log) {
             blocks,
             rankings: Default::default(),
             beside: Default::default(),
+            functions: Default::default(),
             ranges: Default::default(),
             quantities: Default::default(),
         }),

@@ -102,7 +102,14 @@ fn draw() -> impl Strategy<Value = TetDraw> {
             TetDraw::Points(style)
         },
     );
-    prop_oneof![Just(TetDraw::Auto), Just(TetDraw::Raycast), Just(TetDraw::Reference), faces, points]
+    prop_oneof![
+        Just(TetDraw::Auto),
+        Just(TetDraw::Raycast),
+        Just(TetDraw::Reference),
+        Just(TetDraw::Judge),
+        faces,
+        points
+    ]
 }
 
 fn surfaces() -> impl Strategy<Value = (Vec<Isosurface>, Vec<Cut>, SurfaceShading)> {

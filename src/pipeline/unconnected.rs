@@ -14,9 +14,9 @@ pub(super) fn check(mesh: &Mesh, layer: &TetLayer, by: DrawnBy, request: &FrameR
     }
     if mesh.is_cloud() {
         return first(&of_cells(layer, by), RequestError::OfPoints)
-            .and_then(|()| first(&of_neighbours(layer, by, request), RequestError::OfPoints));
+            .and_then(|()| first(&of_neighbours(mesh, layer, by, request), RequestError::OfPoints));
     }
-    first(&of_neighbours(layer, by, request), RequestError::Unconnected)
+    first(&of_neighbours(mesh, layer, by, request), RequestError::Unconnected)
 }
 
 fn first(needs: &[(bool, &'static str)], error: fn(&'static str) -> RequestError) -> Result<(), RequestError> {
@@ -24,11 +24,12 @@ fn first(needs: &[(bool, &'static str)], error: fn(&'static str) -> RequestError
 }
 
 /// What goes from cell to cell, and whether it is asked for.
-fn of_neighbours(layer: &TetLayer, by: DrawnBy, request: &FrameRequest) -> [(bool, &'static str); 7] {
+fn of_neighbours(mesh: &Mesh, layer: &TetLayer, by: DrawnBy, request: &FrameRequest) -> [(bool, &'static str); 8] {
     let has_edges = request.upsampling.is_some_and(|upsampling| upsampling.filter.edges().is_some());
     [
         (by == DrawnBy::Raycast, "the rays of raycast"),
         (by.faces().is_some(), "the faces of havs"),
+        (by.is_of_functions() && !mesh.is_cloud(), "functions at the vertices"),
         (request.samples.contrast().is_some(), "rays that contrast asks for"),
         (!layer.parts.is_empty(), "connected parts"),
         (!layer.domain.is_empty(), "surfaces of the domain and of regions"),

@@ -169,10 +169,12 @@ impl Project {
     fn check_mode(&self) -> Result<(), ProjectError> {
         let radius = self.look.point_radius.unwrap_or(1.0);
         PointStyle { radius, ..PointStyle::EXACT }.check().map_err(ProjectError::BadPoints)?;
-        let Some(mode) = self.look.mode else { return Ok(()) };
+        let mode = self.look.mode.unwrap_or_default();
+        // What does not go together is refused as options are.
+        let mode = mode.of(self.look.representation).unwrap_or(mode);
         let (lod, optics) = (self.timeline.lod.keys(), self.timeline.optics.keys());
         let has_levels = lod.iter().map(|key| key.value).chain(self.look.lod).any(|lod| lod < 1.0);
-        if matches!(mode, RenderMode::Raycast | RenderMode::Reference) && has_levels {
+        if matches!(mode, RenderMode::Raycast | RenderMode::Sheets | RenderMode::Reference) && has_levels {
             return Err(ProjectError::NoLevels(mode));
         }
         if mode == RenderMode::Reference && optics.iter().any(|key| key.value != OpticsKind::Exact) {

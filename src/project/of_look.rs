@@ -3,6 +3,7 @@
 use super::LookSettings;
 use crate::look::Look;
 use crate::pipeline::{RenderMode, Shown, SurfaceLook, TetDraw};
+use crate::render::functions::SheetSpacing;
 use crate::render::surfaces::{ByField, CutText, IsosurfaceText};
 
 impl LookSettings {
@@ -12,7 +13,10 @@ impl LookSettings {
     pub fn of(look: &Look, usual: &Look, ensemble: Option<String>) -> Self {
         let (mode, faces) = (look.mode, look.faces);
         // Without faces there is nothing to say about them.
-        let draw = TetDraw::chosen(mode, faces, look.points);
+        let draw = look.draw(mode, faces);
+        let spacing = |of: &Look| (mode == RenderMode::Sheets).then_some(of.sheets.spacing);
+        let spacing = spacing(look).filter(|of| Some(*of) != spacing(usual));
+        let functions = if draw.drawn_by().is_of_functions() { look.functions } else { usual.functions };
         let draws_faces = matches!(draw, TetDraw::Faces(_));
         let points = if mode == RenderMode::Points { look.points } else { usual.points };
         let of_faces = |differs: bool| draws_faces && differs;
@@ -25,6 +29,8 @@ impl LookSettings {
             opacity_kind: differing(look.opacity_kind, usual.opacity_kind),
             unit_distance: differing(unit, usual.lengths.unit_distance),
             mode: differing(mode, usual.mode),
+            representation: differing(look.representation, usual.representation)
+                .filter(|_| mode == RenderMode::Reference),
             backend: differing(look.backend, usual.backend),
             // The reference has its own.
             optics: differing(look.optics, usual.optics).filter(|_| mode != RenderMode::Reference),
@@ -35,6 +41,16 @@ impl LookSettings {
             footprint: differing(points.footprint, usual.points.footprint),
             compositing: differing(points.compositing, usual.points.compositing),
             point_radius: differing(points.radius, usual.points.radius),
+            sheets: spacing.and_then(|spacing| match spacing {
+                SheetSpacing::Count(count) => Some(count),
+                SheetSpacing::Error(_) => None,
+            }),
+            sampling_error: spacing.and_then(|spacing| match spacing {
+                SheetSpacing::Error(error) => Some(error),
+                SheetSpacing::Count(_) => None,
+            }),
+            domain: functions.domain,
+            normalise: differing(functions.normalise, usual.functions.normalise),
             camera: Some(look.camera.to_string()),
             ..Self::of_surfaces(&look.surfaces, &usual.surfaces)
         }

@@ -4,7 +4,8 @@ use super::ProjectError;
 use crate::camera::{Camera, CameraError};
 use crate::field::{FieldSelector, Regions};
 use crate::optics::OpticsKind;
-use crate::pipeline::{Backend, RenderMode};
+use crate::pipeline::{Backend, RenderMode, Representation};
+use crate::render::functions::{FunctionDomain, Normalise};
 use crate::render::points::{Compositing, Footprint};
 use crate::render::surfaces::{CropBox, Light, Normals};
 use crate::timeline::{At, Keyframed};
@@ -50,6 +51,9 @@ pub struct LookSettings {
     /// Renderer for the volume.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mode: Option<RenderMode>,
+    /// What the field is drawn as.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub representation: Option<Representation>,
     /// Device that renders.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub backend: Option<Backend>,
@@ -113,6 +117,18 @@ pub struct LookSettings {
     /// Scale of the footprints of points, above 0, at most 8.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub point_radius: Option<f64>,
+    /// Number of sheets through the mesh, where functions are drawn.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sheets: Option<u32>,
+    /// Error of the scalar between sheets, a share of the field's range.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sampling_error: Option<f64>,
+    /// Where a field of functions is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub domain: Option<FunctionDomain>,
+    /// What the sum of values of functions is divided by.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub normalise: Option<Normalise>,
     /// Viewpoint, as `--camera` has it, or the name of a camera.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<String>,

@@ -9,6 +9,7 @@ mod adaptive;
 pub mod cpu;
 pub mod domain;
 mod frame_run;
+pub mod functions;
 pub mod gpu;
 mod joint;
 mod layers;
@@ -36,6 +37,7 @@ use crate::transfer::TransferSource;
 use crate::visibility::{CellSet, Clusters, Drawn, Skip};
 pub use adaptive::{BadContrast, Contrast};
 pub use frame_run::{FrameRun, LayerRenderer};
+use functions::FunctionScene;
 pub use joint::JointScene;
 pub use layers::{LayerFragment, LayerFragments};
 pub use optics_tables::{OpticsTable, OpticsTables, PreparedOptics};
@@ -64,6 +66,8 @@ pub struct RenderJob {
     pub faces: Option<Arc<Drawn>>,
     /// The cells to draw, for renderers that draw cells as points.
     pub points: Option<PointScene>,
+    /// The functions whose field is drawn in the active cells, which are all that are to be drawn; the scalars are their values.
+    pub functions: Option<FunctionScene>,
     /// How fragments of these faces are brought into depth order.
     pub k_buffer: KBuffer,
     /// Camera and image size.
@@ -270,6 +274,9 @@ pub enum RenderError {
     /// A setting of points is out of range.
     #[error("{0}")]
     BadPoints(String),
+    /// The functions of a job cannot be drawn.
+    #[error("the functions: {0}")]
+    BadFunctions(String),
     /// The size of the k-buffer is out of range.
     #[error("a buffer of {0} fragments; choose 2 to 32")]
     BadK(u8),
@@ -319,6 +326,7 @@ impl RenderJob {
             finite: None,
             faces: None,
             points: None,
+            functions: None,
             k_buffer: KBuffer::default(),
             view,
             table,

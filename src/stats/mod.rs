@@ -44,6 +44,24 @@ pub struct FrameStats {
     pub points_culled: u64,
     /// Points that were widened to half a pixel.
     pub points_enlarged: u64,
+    /// Functions that a pixel's ray may meet in front of the eye.
+    pub functions_drawn: u64,
+    /// Functions smaller than a pixel that were widened to one.
+    pub functions_widened: u64,
+    /// Functions of the field, where one of functions is drawn.
+    pub functions_total: u64,
+    /// Functions projected to a tile: those of slabs that show something.
+    pub functions_projected: u64,
+    /// Slabs of tiles whose functions were summed.
+    pub function_slabs: u64,
+    /// Slabs of tiles that were skipped, since nothing of their functions' values is visible.
+    pub function_slabs_clear: u64,
+    /// Slabs of tiles in which sheets are not as close as the error asked for: there would be too many.
+    pub function_slabs_limited: u64,
+    /// Sheets of tiles on which functions were summed.
+    pub sheets: u64,
+    /// Intervals between two sheets inside the mesh which no function reaches: nothing is drawn there.
+    pub function_gaps: u64,
     /// Times that faces, or cells as points, were sorted by depth for the frame.
     pub face_sorts: u64,
     /// Times that faces were needed in depth order without being sorted.
@@ -151,6 +169,12 @@ impl FrameStats {
         self.fragments += part.fragments;
         self.pixels_resolved_again += part.pixels_resolved_again;
         self.segments += part.segments;
+        self.functions_projected += part.functions_projected;
+        self.function_slabs += part.function_slabs;
+        self.function_slabs_clear += part.function_slabs_clear;
+        self.function_slabs_limited += part.function_slabs_limited;
+        self.sheets += part.sheets;
+        self.function_gaps += part.function_gaps;
         self.rays_hit += part.rays_hit;
         self.rays_stopped_early += part.rays_stopped_early;
         self.out_of_order += part.out_of_order;

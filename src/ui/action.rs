@@ -6,7 +6,7 @@ use crate::camera::Axis;
 use crate::field::FieldSelector;
 use crate::look::EnsembleChoice;
 use crate::optics::OpticsKind;
-use crate::pipeline::{Backend, RenderMode, Sampling, SurfaceLook};
+use crate::pipeline::{Backend, RenderMode, Representation, Sampling, SurfaceLook};
 use crate::playback::Command;
 use crate::playback::quality::Family;
 use crate::project::Edit;
@@ -126,6 +126,8 @@ pub enum Action {
     Backend(Backend),
     /// Sets the renderer.
     Renderer(RenderMode),
+    /// Sets what the reference draws.
+    Representation(Representation),
     /// Sets the share to draw, 0 to 1: of interior faces, or of the fragments of points.
     LevelOfDetail(f64),
     /// Sets which faces are drawn, for face renderers.

@@ -144,7 +144,7 @@ impl Insight {
     }
 
     fn pick_found(&mut self, hover: &Hover) {
-        if let Hover { asked, found: Ok(Some(probe)) } = hover {
+        if let Hover { asked, found: Ok(Some(probe)), .. } = hover {
             self.prober.pick(asked.series.clone(), probe.cell, probe.weights);
             self.picked = Some((*probe, None));
         }

@@ -2,10 +2,12 @@
 
 use super::worker::{BLOCK_BYTES, SeriesPipeline, Slot, Worker};
 use crate::field::Association;
+use crate::functions::eval::Found;
 use crate::pipeline::{Backend, FrameRequest, Pipeline, PipelineError, Series, TetDraw};
 use crate::render::probe::{Probe, interpolate, probe};
 use crate::task::Cancel;
 use crate::visibility::Skip;
+use glam::DVec3;
 use std::io;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -28,6 +30,8 @@ pub struct Hover {
     pub asked: HoverRequest,
     /// The visible point, `None` if there is none; or why it cannot be known.
     pub found: Result<Option<Probe>, String>,
+    /// What functions give at that point, in a frame that is drawn by them; the gradient is per world unit.
+    pub functions: Option<Found<f64, DVec3>>,
 }
 
 /// The scalar of a point at every step of a series, as far as read.
@@ -75,9 +79,10 @@ impl Prober {
                 Err(PipelineError::Cancelled) => return,
                 found => found.map_err(|error| error.to_string()),
             };
-            put(Hover { asked, found });
+            let (found, functions) = found.map_or_else(|error| (Err(error), None), |(point, of)| (Ok(point), of));
+            put(Hover { asked, found, functions });
         };
-        let failed = |asked, text| Hover { asked, found: Err(text) };
+        let failed = |asked, text| Hover { asked, found: Err(text), functions: None };
         let hovers = Worker::start("probe", hover.filler(wake.clone()), answer, failed)?;
         let follow = |(): &mut (), curve: Curve, cancel: &Cancel, show: &dyn Fn(Arc<Curve>)| curve.follow(cancel, show);
         let known = curve.clone();
@@ -125,14 +130,21 @@ impl Prober {
     }
 }
 
-/// Finds the point at a position in a frame.
-fn find(pipeline: &mut Pipeline, asked: &HoverRequest, cancel: &Cancel) -> Result<Option<Probe>, PipelineError> {
+/// The point at a position in a frame, and what functions give there in a frame that is drawn by them.
+type Pointed = (Option<Probe>, Option<Found<f64, DVec3>>);
+
+/// Finds the point at a position in a frame: that of the cells, also where functions are drawn in them.
+fn find(pipeline: &mut Pipeline, asked: &HoverRequest, cancel: &Cancel) -> Result<Pointed, PipelineError> {
     // The scalars are needed on the CPU, and every cell is: the point under the mouse may be transparent.
     let skip = Skip { transparent_cells: false, transparent_chunks: false, ..asked.request.skip };
     let request = asked.request.clone().with_draw(TetDraw::Auto);
     let request = FrameRequest { backend: Backend::Cpu, skip, ..request };
     let job = pipeline.prepare_unless(&request, cancel)?;
-    Ok(probe(&job, asked.at_px)?)
+    let point = probe(&job, asked.at_px)?;
+    let is_of_functions = asked.request.tets().is_some_and(|tets| matches!(tets.draw, TetDraw::Sheets(_)));
+    let at_point = |point: &Probe| asked.series.functions_at(job.scalars.of_vertices()?, point.position);
+    let functions = point.as_ref().filter(|_| is_of_functions).and_then(at_point);
+    Ok((point, functions))
 }
 
 impl Curve {

@@ -3,9 +3,12 @@
 use super::super::worker::tests::{counted, wait_for};
 use super::*;
 use crate::camera::Camera;
+use crate::functions::value_at;
+use crate::functions::vertices::VertexFunctions;
 use crate::node_table::{Node, NodeTable};
 use crate::pipeline::FrameTime;
 use crate::pipeline::test_series::{jet, logged};
+use crate::render::functions::SheetStyle;
 use std::sync::atomic::Ordering;
 
 /// A frame in which all values between the least and the greatest are visible.
@@ -48,6 +51,37 @@ fn the_point_found_is_that_of_the_frame_and_says_what_was_asked() {
     }
     wait_for("three calls", || (woken.load(Ordering::SeqCst) == 3).then_some(()));
     assert!(prober.take_hover().is_none(), "each answer comes once");
+}
+
+#[test]
+fn in_a_frame_of_functions_the_value_is_theirs_at_the_point_of_the_cells() {
+    let (series, prober) = (jet(), silent());
+    // What is seen is the jet, not what is around it.
+    let node = |scalar, tau| Node { scalar, rgb: [1.0, 0.5, 0.0], tau };
+    let table = Arc::new(NodeTable::new(vec![node(0.1, 0.0), node(1.0, 2.0)]).unwrap());
+    let camera = Camera::default_for(series.mesh().positions.world_bounds()).unwrap();
+    let request = FrameRequest::new(2, camera, table, (40, 30));
+    let of_cells = HoverRequest { request, ..at_middle(&series, 2) };
+    let sheets = TetDraw::Sheets(SheetStyle::default());
+    let asked = HoverRequest { request: of_cells.request.clone().with_draw(sheets), ..of_cells.clone() };
+    prober.hover(Some(asked));
+    let found = answer(&prober);
+    let (point, functions) = (found.found.unwrap().unwrap(), found.functions.unwrap());
+    let mut values = vec![0.0; series.scalar_count()];
+    assert!(series.decode_step(2, &mut values, &Cancel::new()).unwrap());
+    let positions = &series.mesh().positions;
+    let kernels = VertexFunctions::default().of(series.mesh()).unwrap().kernels;
+    let value = |world| value_at(&kernels, &values, positions.local_from_world(world)).unwrap();
+    assert_eq!(functions.value, value(point.position));
+    assert!(functions.value != point.scalar && functions.reached > 1, "{functions:?} {point:?}");
+    // Differences of float64 values, over a ten-thousandth of the mesh: second order, where functions end between, first.
+    let step = 1e-4 * positions.scale;
+    let along =
+        |axis: DVec3| (value(point.position + step * axis) - value(point.position - step * axis)) / (2.0 * step);
+    let gradient = DVec3::new(along(DVec3::X), along(DVec3::Y), along(DVec3::Z));
+    assert!((functions.gradient - gradient).length() < 1e-2 * gradient.length(), "{functions:?} {gradient}");
+    prober.hover(Some(of_cells));
+    assert!(answer(&prober).functions.is_none());
 }
 
 #[test]

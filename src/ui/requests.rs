@@ -5,7 +5,7 @@ use super::project_worker::ProjectWorker;
 use super::still::Still;
 use crate::look::{Colors, Keyed, Look};
 use crate::node_table::NodeTable;
-use crate::pipeline::{FaceDetail, FrameRequest, FrameTime, RenderMode, Series, TetDraw};
+use crate::pipeline::{FaceDetail, FrameRequest, FrameTime, RenderMode, Series};
 use crate::playback::quality::Quality;
 use crate::project::Project;
 use crate::render::Contrast;
@@ -50,11 +50,11 @@ impl Requests {
         let none = || Ok(Colors { table: Arc::new(NodeTable::transparent()).into(), formula: None });
         let Ok::<_, Infallible>(request) = look.request(time, size, &keyed, none);
         let lod = look.lod_at(&keyed);
-        let Look { faces, points, .. } = *look;
+        let faces = look.faces;
         let mode = look.mode.on(series.mesh());
         // The level of detail of faces follows from the quality chosen below, that of points from this one and the quality.
         let all = if mode == RenderMode::Points { lod } else { 1.0 };
-        let draw = TetDraw::chosen(mode, FaceDetail { lod: all, ..faces }, points);
+        let draw = look.draw(mode, FaceDetail { lod: all, ..faces });
         let request = request.with_draw(draw);
         let request = FrameRequest { for_window: self.for_window, ..request };
         let has_rays = request.may_leave_rays_out();

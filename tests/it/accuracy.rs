@@ -13,7 +13,7 @@ use tetreel::bench::{BenchRun, JUDGE_RAW, JUDGE_REFERENCE};
 use tetreel::camera::{Camera, CameraError};
 use tetreel::codec::vq::VqOptions;
 use tetreel::ingest::{CodecChoice, IngestOptions, ingest};
-use tetreel::pipeline::{Backend, Pipeline, RenderMode, UpsampleKind};
+use tetreel::pipeline::{Backend, Pipeline, RenderMode, Representation, UpsampleKind};
 use tetreel::store::Store;
 use tetreel::synth::{FadedSeries, SeriesName, SynthSpec, generate};
 use tetreel::task::{Cancel, Silent};
@@ -37,7 +37,7 @@ fn judged(name: &str, pipeline: &mut Pipeline) -> Judged {
     let camera = Camera::default_for(pipeline.mesh().positions.world_bounds()).unwrap();
     let table = |tf: &str, _| Ok::<_, CameraError>(colors_for(pipeline, tf));
     let scenes = scenes(name, pipeline.times().len(), &camera, (48, 40), &TRANSFER_FUNCTIONS, table).unwrap();
-    judge(pipeline, scenes, &Silent, &Cancel::new()).unwrap()
+    judge(pipeline, scenes, Representation::Cells, &Silent, &Cancel::new()).unwrap()
 }
 
 fn measured(pipeline: &mut Pipeline, judged: &Judged) -> AccuracyRuns {

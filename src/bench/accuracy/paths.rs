@@ -4,12 +4,13 @@ use super::summary::distinct;
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dResolution;
 use crate::pipeline::{Backend, FaceDetail, ImageScale, RenderMode, UpsampleFilter, UpsampleKind, Upsampling};
+use crate::render::functions::SheetSpacing;
 use crate::render::{Contrast, KBuffer};
 
 /// One way from scalars to pixels: a choice of all settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AccuracyPath {
-    /// Ray caster, face renderer, points or reference.
+    /// Ray caster, face renderer, points, functions on sheets or reference.
     pub mode: RenderMode,
     /// CPU or GPU.
     pub backend: Backend,
@@ -25,6 +26,8 @@ pub struct AccuracyPath {
     pub upsampling: Option<Upsampling>,
     /// The contrast that decides which rays are cast; `None` casts all.
     pub contrast: Option<Contrast>,
+    /// How far sheets are apart, where functions are drawn on some.
+    pub sheets: SheetSpacing,
 }
 
 /// Levels of detail besides 1.
@@ -33,6 +36,10 @@ pub const LODS: [f64; 4] = [0.5, 0.25, 0.1, 0.05];
 pub const KS: [u8; 5] = [2, 4, 8, 16, 32];
 /// Entries along a scalar axis of pre-integrated tables.
 pub const TABLE_SIZES: [usize; 4] = [32, 64, 128, 256];
+/// Errors between sheets, of the field's range.
+pub const SHEET_ERRORS: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
+/// Numbers of sheets.
+pub const SHEET_COUNTS: [u32; 3] = [32, 128, 512];
 /// Image scales besides 1.
 pub const IMAGE_SCALES: [ImageScale; 3] = [ImageScale::Half, ImageScale::Quarter, ImageScale::Eighth];
 /// Contrasts that decide which rays are cast.
@@ -56,10 +63,13 @@ const RAYS: AccuracyPath = AccuracyPath {
     k_buffer: KBuffer::USUAL,
     upsampling: None,
     contrast: None,
+    sheets: SheetSpacing::Error(1e-3),
 };
 const FACES: AccuracyPath = AccuracyPath { mode: RenderMode::Havs, ..RAYS };
 /// All cells as points, each by itself, exactly.
 const POINTS: AccuracyPath = AccuracyPath { mode: RenderMode::Points, ..RAYS };
+/// Functions at the vertices. They are another field than the cells', with a judge of their own.
+const SHEETS: AccuracyPath = AccuracyPath { mode: RenderMode::Sheets, ..RAYS };
 /// The reference with the table instead of the formula: the error of the table itself.
 const REFERENCE_TABLE: AccuracyPath = AccuracyPath { mode: RenderMode::Reference, ..RAYS };
 
@@ -103,6 +113,12 @@ pub fn paths(backends: &[Backend]) -> Vec<AccuracyPath> {
     on_backends(&distinct(all), backends)
 }
 
+/// The paths of functions at the vertices.
+pub fn function_paths() -> Vec<AccuracyPath> {
+    let spacings = SHEET_ERRORS.map(SheetSpacing::Error).into_iter().chain(SHEET_COUNTS.map(SheetSpacing::Count));
+    spacings.map(|sheets| AccuracyPath { sheets, ..SHEETS }).collect()
+}
+
 /// These paths on each of the backends that support them.
 pub fn on_backends(paths: &[AccuracyPath], backends: &[Backend]) -> Vec<AccuracyPath> {
     let on = |&backend: &Backend| {
@@ -141,6 +157,7 @@ impl AccuracyPath {
             (RenderMode::Havs, _) => "havs",
             (RenderMode::Points, Backend::Gpu) => "points on the GPU",
             (RenderMode::Points, _) => "points",
+            (RenderMode::Sheets, _) => "sheets",
             (RenderMode::Reference, _) => "reference by the table",
             (_, Backend::Gpu) => "raycast on the GPU",
             _ => "raycast",
@@ -173,6 +190,9 @@ mod tests {
             KS.into_iter().for_each(|k| has(AccuracyPath { k_buffer: KBuffer { k, exact_order }, ..FACES }));
         }
         CODEC_PATHS.into_iter().for_each(has);
+        let sheets = function_paths();
+        assert!(sheets.iter().all(|path| path.mode == RenderMode::Sheets && !all.contains(path)));
+        assert_eq!((sheets.len(), distinct(sheets.clone()).len()), (7, 7));
         has(REFERENCE_TABLE);
         has(POINTS);
     }

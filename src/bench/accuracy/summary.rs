@@ -7,6 +7,7 @@ use crate::codec::raw;
 use crate::optics::OpticsKind;
 use crate::pipeline::UpsampleKind;
 use crate::render::KBuffer;
+use crate::render::functions::SheetSpacing;
 use std::fmt;
 
 /// A path on one data set.
@@ -40,6 +41,11 @@ pub fn path_label(run: &BenchRun) -> String {
         (Some(k), Some(true)) if k != usual.k => label.push_str(&format!(", k = {k}")),
         (Some(k), Some(false)) => label.push_str(&format!(", k = {k} inexact")),
         _ => {}
+    }
+    match run.sheets {
+        Some(SheetSpacing::Error(error)) => label.push_str(&format!(", error {error}")),
+        Some(SheetSpacing::Count(count)) => label.push_str(&format!(", {count} sheets")),
+        None => {}
     }
     if run.optics == OpticsKind::Partial.to_string() {
         label.push_str(", partial");
@@ -209,6 +215,9 @@ mod tests {
         assert_eq!(path_label(&inexact), "havs GPU, k = 8 inexact");
         let small = BenchRun { image_scale: 0.25, table_size: Some(64), ..run("jet", 1.0, 0.0) };
         assert_eq!(path_label(&small), "raycast, table 64, image 1/4");
+        let sheets = |spacing| BenchRun { sheets: Some(spacing), mode: "sheets".to_owned(), ..run("jet", 1.0, 0.0) };
+        assert_eq!(path_label(&sheets(SheetSpacing::Error(1e-3))), "sheets, error 0.001");
+        assert_eq!(path_label(&sheets(SheetSpacing::Count(128))), "sheets, 128 sheets");
         let fewer = BenchRun { contrast: Some(f64::from(0.05_f32)), ..run("jet", 1.0, 0.0) };
         assert_eq!(path_label(&fewer), "raycast, contrast 0.05");
         let partial = BenchRun { optics: "partial".to_owned(), ..run("jet", 1.0, 0.0) };

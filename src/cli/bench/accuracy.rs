@@ -5,14 +5,16 @@ use super::super::scene::gpu_report;
 use super::super::source;
 use super::{Args, Suite};
 use crate::bench::accuracy::{
-    AccuracyBench, CODEC_PATHS, Judged, TRANSFER_FUNCTIONS, judge, judge_runs, on_backends, paths, run_accuracy, scenes,
+    AccuracyBench, CODEC_PATHS, Judged, TRANSFER_FUNCTIONS, function_paths, judge, judge_runs, on_backends, paths,
+    run_accuracy, scenes,
 };
 use crate::bench::plot::{check_folder, write_plots};
 use crate::bench::{BenchRun, JUDGE_RAW, JUDGE_REFERENCE};
 use crate::codec::{raw, vq};
 use crate::look::{DEFAULT_TF, Look, mapped_range};
 use crate::optics::OpticsKind;
-use crate::pipeline::{Backend, FaceDetail, RenderMode};
+use crate::pipeline::{Backend, FaceDetail, RenderMode, Representation};
+use crate::render::functions::SheetStyle;
 use crate::scene::Scene;
 use crate::store::Store;
 use crate::task::Progress;
@@ -41,16 +43,23 @@ pub(super) fn check(args: &Args) -> anyhow::Result<()> {
         check_folder(folder)?;
     }
     let scene = &args.scene;
-    let is_usual = scene.mode == RenderMode::Auto
+    let is_of_functions = representation(args) == Representation::Vertices;
+    let is_usual = (scene.mode() == RenderMode::Auto || is_of_functions && scene.mode() == RenderMode::Sheets)
         && scene.faces.detail() == FaceDetail::default()
         && scene.optics == OpticsKind::Exact
+        && scene.sheets.style() == SheetStyle::default()
         && scene.skip == Skip::default();
     if args.suite == Suite::Accuracy && !is_usual {
         bail!(
-            "--suite accuracy goes through all of --mode, --lod, --k, --inexact-order and --optics; leave them, --sampling and --skip out"
+            "--suite accuracy goes through all of --mode, --lod, --k, --inexact-order, --optics, --sheets and --sampling-error; leave them, --sampling and --skip out (it measures cells, or with --representation vertices functions)"
         );
     }
     Ok(())
+}
+
+/// What the suite measures.
+fn representation(args: &Args) -> Representation {
+    args.scene.representation().unwrap_or_default()
 }
 
 /// Measures all paths on all series; returns the runs, and the GPU if one was used.
@@ -147,7 +156,7 @@ fn judge_all(opened: &mut Opened, args: &Args, terminal: &Terminal) -> anyhow::R
     let size = (args.image.size.0, args.image.size.1);
     let scenes = scenes(&opened.name, steps, &look.camera, size, functions, table)?;
     terminal.begin("judge", scenes.len() as u64, "scenes");
-    let judged = judge(&mut scene.pipeline, scenes, terminal, &terminal.cancel)?;
+    let judged = judge(&mut scene.pipeline, scenes, representation(args), terminal, &terminal.cancel)?;
     terminal.end();
     Ok(judged)
 }
@@ -159,7 +168,11 @@ fn measure(
     args: &Args,
     terminal: &Terminal,
 ) -> anyhow::Result<Vec<BenchRun>> {
-    let paths = if is_own { paths(&opened.backends) } else { on_backends(&CODEC_PATHS, &opened.backends) };
+    let paths = match judged.representation {
+        Representation::Vertices => function_paths(),
+        Representation::Cells if is_own => paths(&opened.backends),
+        Representation::Cells => on_backends(&CODEC_PATHS, &opened.backends),
+    };
     let bench = AccuracyBench {
         dataset: &opened.name,
         judged,

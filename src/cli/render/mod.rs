@@ -17,7 +17,7 @@ use crate::export::still::Background;
 use crate::files;
 use crate::image::{ExrColor, ExrCompression};
 use crate::import::{self, Format};
-use crate::pipeline::{DrawnBy, RenderMode, SampleSet, TetDraw, Upsampling};
+use crate::pipeline::{DrawnBy, RenderMode, SampleSet, Upsampling};
 use crate::project::{Project, is_project};
 use crate::scene::Scene;
 use crate::short::Short;
@@ -116,7 +116,7 @@ impl Args {
     fn upsampling(&self, project: Option<&Project>) -> anyhow::Result<Option<Upsampling>> {
         let draw = self.scene.draw();
         let upsampling = self.upsample.upsampling(draw.lod() < 1.0 || leaves_faces_out(project))?;
-        if upsampling.is_some() && draw == TetDraw::Reference {
+        if upsampling.is_some() && draw.drawn_by().is_reference() {
             bail!(
                 "the reference is judged as it is, and --image-scale or --upsample would change its image; leave them out, or choose another --mode"
             );
@@ -252,6 +252,11 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
     terminal.detail(&format!("camera: {}", scene.look.camera));
     if project.is_none() {
         say_look(args, &scene, terminal)?;
+    }
+    if scene.look.draws_eq20() {
+        terminal.say(
+            "--normalise eq20 draws values that are not in the data where functions are thin; leave it out for their weighted mean",
+        );
     }
     if ffmpeg.is_some() && args.background == Background::Transparent {
         terminal.say("the movie is over black; --background COLOR gives it another colour");

@@ -1,5 +1,6 @@
 //! Renderers on the CPU.
 
+pub mod functions;
 pub mod havs;
 #[cfg(target_arch = "x86_64")]
 mod lanes;
@@ -89,6 +90,7 @@ trait RenderTiles: LayerRenderer {
         }
     }
 
+    /// Renders tiles with the medium of the job.
     fn render_with<L: Layers>(&mut self, job: &Self::Job, layers: &L, budget: Duration, frame: &mut Frame) -> bool {
         let TileJob { job: of, view, table } = Self::tile_job(job);
         let joint = of.joint.as_ref().map(|scene| JointMedium { scene, scale: of.mesh.positions.scale });
@@ -104,15 +106,18 @@ trait RenderTiles: LayerRenderer {
                 }
             };
         }
-        match (&joint, table) {
-            (Some(joint), _) => self.render_in(job, (joint, layers), budget, frame),
-            (None, OpticsTable::Exact(table)) => self.render_in(job, (&ScalarMedium(&**table), layers), budget, frame),
-            (None, OpticsTable::Table3d(table)) => {
-                self.render_in(job, (&ScalarMedium(&**table), layers), budget, frame)
-            }
-            (None, OpticsTable::Partial(table)) => {
-                self.render_in(job, (&ScalarMedium(&**table), layers), budget, frame)
-            }
+        match joint {
+            Some(joint) => self.render_in(job, (&joint, layers), budget, frame),
+            None => self.render_scalars(job, layers, budget, frame),
+        }
+    }
+
+    /// Renders tiles with the transfer function of the job, which is of the scalar alone.
+    fn render_scalars<L: Layers>(&mut self, job: &Self::Job, layers: &L, budget: Duration, frame: &mut Frame) -> bool {
+        match &Self::tile_job(job).table {
+            OpticsTable::Exact(table) => self.render_in(job, (&ScalarMedium(&**table), layers), budget, frame),
+            OpticsTable::Table3d(table) => self.render_in(job, (&ScalarMedium(&**table), layers), budget, frame),
+            OpticsTable::Partial(table) => self.render_in(job, (&ScalarMedium(&**table), layers), budget, frame),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Cells, faces and points transformed to the view of a job before its renderer is free.
 
+use super::functions::{FunctionPlacer, FunctionsInView};
 use super::havs::{FacePlacer, FacesInView};
 use super::is_transparent;
 use super::points::{PointPlacer, PointsInView, checked_points};
@@ -7,6 +8,7 @@ use super::raycast::{CellPlacer, CellsInView};
 use crate::camera::View;
 use crate::field::Scalars;
 use crate::mesh::Mesh;
+use crate::render::functions::FunctionScene;
 use crate::render::points::PointScene;
 use crate::render::{OpticsTable, RenderJob};
 use crate::visibility::{CellSet, Drawn};
@@ -20,6 +22,7 @@ pub struct Placed {
     active: Arc<CellSet>,
     faces: Option<Arc<Drawn>>,
     points: Option<PointScene>,
+    functions: Option<FunctionScene>,
     view: View,
     in_view: InView,
 }
@@ -29,6 +32,7 @@ enum InView {
     Cells(CellsInView),
     Faces(Arc<FacesInView>),
     Points(Arc<PointsInView>),
+    Functions(Arc<FunctionsInView>),
 }
 
 impl Placed {
@@ -38,6 +42,7 @@ impl Placed {
             && Arc::ptr_eq(&self.active, &job.active)
             && self.faces.as_ref().map(Arc::as_ptr) == job.faces.as_ref().map(Arc::as_ptr)
             && is_same_points(self.points.as_ref(), job.points.as_ref())
+            && is_same_functions(self.functions.as_ref(), job.functions.as_ref())
             && self.view == job.view
     }
 
@@ -45,7 +50,7 @@ impl Placed {
     pub(super) fn cells(&self, job: &RenderJob) -> Option<CellsInView> {
         match &self.in_view {
             InView::Cells(cells) => self.is_of(job).then(|| cells.clone()),
-            InView::Faces(_) | InView::Points(_) => None,
+            _ => None,
         }
     }
 
@@ -53,7 +58,7 @@ impl Placed {
     pub(super) fn faces(&self, job: &RenderJob) -> Option<Arc<FacesInView>> {
         match &self.in_view {
             InView::Faces(faces) => self.is_of(job).then(|| faces.clone()),
-            InView::Cells(_) | InView::Points(_) => None,
+            _ => None,
         }
     }
 
@@ -61,7 +66,15 @@ impl Placed {
     pub(super) fn points(&self, job: &RenderJob) -> Option<Arc<PointsInView>> {
         match &self.in_view {
             InView::Points(points) => self.is_of(job).then(|| points.clone()),
-            InView::Cells(_) | InView::Faces(_) => None,
+            _ => None,
+        }
+    }
+
+    /// The functions, if they match the job.
+    pub(super) fn functions(&self, job: &RenderJob) -> Option<Arc<FunctionsInView>> {
+        match &self.in_view {
+            InView::Functions(functions) => self.is_of(job).then(|| functions.clone()),
+            _ => None,
         }
     }
 }
@@ -71,12 +84,20 @@ fn is_same_points(a: Option<&PointScene>, b: Option<&PointScene>) -> bool {
     of(a) == of(b)
 }
 
-/// Places the cells, faces and points of successive jobs to be drawn on the CPU.
+fn is_same_functions(a: Option<&FunctionScene>, b: Option<&FunctionScene>) -> bool {
+    let of = |scene: Option<&FunctionScene>| {
+        scene.map(|of| (Arc::as_ptr(&of.kernels), of.style, of.range, of.domain, of.normalise))
+    };
+    of(a) == of(b)
+}
+
+/// Places the cells, faces, points and functions of successive jobs to be drawn on the CPU.
 #[derive(Debug, Default)]
 pub struct Placer {
     cells: CellPlacer,
     faces: FacePlacer,
     points: PointPlacer,
+    functions: FunctionPlacer,
 }
 
 impl Placer {
@@ -89,6 +110,11 @@ impl Placer {
         let view = job.local_view();
         let mut stats = std::mem::take(&mut job.stats);
         let in_view = match job.faces {
+            // The renderer reports invalid functions.
+            None if job.functions.is_some() => {
+                let functions = FunctionScene::of_job(job).ok();
+                functions.map(|functions| InView::Functions(self.functions.place(job, &functions, &view, &mut stats)))
+            }
             // The renderer reports invalid points.
             None if job.points.is_some() => {
                 let points = checked_points(job).ok();
@@ -105,6 +131,7 @@ impl Placer {
             active: job.active.clone(),
             faces: job.faces.clone(),
             points: job.points.clone(),
+            functions: job.functions.clone(),
             view: job.view.clone(),
             in_view,
         });

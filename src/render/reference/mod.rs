@@ -13,11 +13,14 @@
 //!    (dissertation 1.1.2, eq. 1.2) with Gauss-Legendre on sub-pieces of small optical depth. With a table it is split at its nodes, in
 //!    a joint table at all lines of its rectangles.
 //!
+//! A field of functions takes the place of the scalars inside the cells ([`functions`]).
+//!
 //! Rows are processed in bands, so that the segments of 512 x 512 pixels through 2M cells fit in memory.
 
 pub(super) mod clip;
 mod cuts;
 mod formula;
+mod functions;
 pub(super) mod integrate;
 mod joint;
 mod surfaces;
@@ -25,10 +28,12 @@ mod surfaces;
 use super::surfaces::Normals;
 use super::{Frame, FrameRun, LayerFragment, LayerRenderer, RenderError, RenderJob};
 use crate::camera::{Samples, View};
+use crate::render::functions::FunctionScene;
 use crate::render::medium::{Medium, Segment};
 use crate::transfer::Formula;
 use clip::Cell;
 use cuts::WithCuts;
+use functions::{Lit, Pieces};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
@@ -65,6 +70,8 @@ pub struct JudgedJob {
     cells: Vec<Cell>,
     /// The direction of the gradient at each vertex, if surfaces have smooth normals.
     gradients: Vec<DVec3>,
+    /// The field of functions that is drawn in the cells, if any.
+    field: Option<functions::Field>,
     /// Pixels of a band.
     band: usize,
     next_band: usize,
@@ -90,7 +97,14 @@ impl LayerRenderer for Judge {
         let positions = &job.mesh.positions.local;
         let to_view = |v: u32| view.to_view(positions[v as usize].as_dvec3());
         let topology = &job.mesh.topology;
-        let cells: Vec<Cell> = (0..topology.tets.len() as u32)
+        let field = match job.functions {
+            Some(_) => Some(functions::Field::of(&job, FunctionScene::of_job(&job)?, &view)),
+            None => None,
+        };
+        // A field that is elsewhere asks no cell.
+        let asked =
+            if field.as_ref().is_none_or(functions::Field::is_in_cells) { topology.tets.len() as u32 } else { 0 };
+        let cells: Vec<Cell> = (0..asked)
             .into_par_iter()
             .filter(|&c| job.active.contains(c))
             .filter_map(|c| Cell::new(&job, &view, c, topology.tets[c as usize].map(to_view)))
@@ -101,7 +115,7 @@ impl LayerRenderer for Judge {
         };
         let is_smooth = job.surfaces.as_ref().is_some_and(|scene| scene.shading().normals == Normals::Vertex);
         let gradients = if is_smooth { gradients_at_vertices(&job) } else { Vec::new() };
-        Ok(Some(JudgedJob { job, view, cells, gradients, band, next_band: 0 }))
+        Ok(Some(JudgedJob { job, view, cells, gradients, field, band, next_band: 0 }))
     }
 
     fn advance(&mut self, budget: Duration, judged: &mut JudgedJob, frame: &mut Frame) -> Result<bool, RenderError> {
@@ -199,15 +213,29 @@ fn render_band(active: &JudgedJob, first: usize, pixels: &mut [[f32; 4]], depths
         let fragments = active.job.fragments.as_ref().map_or(&[][..], |f| f.of_pixel(first + pixel));
         let before_near = fragments.iter().take_while(|fragment| fragment.depth / scale < near).count();
         let fragments = &fragments[before_near..];
-        if of_pixel.is_empty() && fragments.is_empty() {
+        if of_pixel.is_empty()
+            && fragments.is_empty()
+            && active.field.as_ref().is_none_or(functions::Field::is_in_cells)
+        {
             continue;
         }
-        let chain = clip::without_overlap(near, of_pixel.iter().map(|(_, s)| *s));
-        let light = match &formula {
-            Some(formula) => active.integrate(formula, colors.as_ref(), first + pixel, chain, fragments),
-            None => {
-                let transfer = integrate::Transfer::of(&active.job);
-                active.integrate(&transfer, colors.as_ref(), first + pixel, chain, fragments)
+        let chain: Vec<Segment> = clip::without_overlap(near, of_pixel.iter().map(|(_, s)| *s)).collect();
+        let transfer = integrate::Transfer::of(&active.job);
+        let light = if let Some(field) = &active.field {
+            let (column, row) = view.pixel_at(first + pixel);
+            let ray = view.ray(column, row);
+            let inside = field.inside(view, scale, ray).map_or(chain, |inside| inside.into_iter().collect());
+            let Pieces { segments, lights } = field.pieces(view, ray, &inside);
+            let (chain, lights) = (segments.into_iter(), &lights);
+            match &formula {
+                Some(inner) => integrate::integrate(&Lit { inner, lights }, chain, fragments, scale),
+                None => integrate::integrate(&Lit { inner: &transfer, lights }, chain, fragments, scale),
+            }
+        } else {
+            let chain = chain.into_iter();
+            match &formula {
+                Some(formula) => active.integrate(formula, colors.as_ref(), first + pixel, chain, fragments),
+                None => active.integrate(&transfer, colors.as_ref(), first + pixel, chain, fragments),
             }
         };
         pixels[pixel] = light.rgba.map(|v| v as f32);

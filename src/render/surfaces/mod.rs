@@ -134,8 +134,13 @@ impl SurfaceShading {
         self.ambient_occlusion || matches!(self.normals, Normals::Screen | Normals::Depth)
     }
 
+    /// Whether the volume is lit: not if nothing has a normal in space.
+    pub(crate) fn lights_volume(&self) -> bool {
+        self.volume && matches!(self.normals, Normals::Cell | Normals::Vertex)
+    }
+
     /// Unit vector towards the light, world coordinates; `None` for a light at the eye.
-    pub(in crate::render) fn towards_light(&self) -> Option<DVec3> {
+    pub(crate) fn towards_light(&self) -> Option<DVec3> {
         match self.light {
             Light::Headlight => None,
             // Squares of very long and very short vectors overflow or underflow.

@@ -141,6 +141,7 @@ impl Session {
             Action::Background(color) => self.background = color,
             Action::Backend(backend) => self.look.backend = backend,
             Action::Renderer(mode) => self.look.mode = mode,
+            Action::Representation(of) => self.look.representation = of,
             Action::Points(style) => {
                 if style.check().is_ok() {
                     self.look.points = style;

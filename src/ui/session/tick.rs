@@ -2,7 +2,7 @@
 
 use super::{Asked, Session, Shown};
 use crate::look::Look;
-use crate::pipeline::{Delivery, FaceDetail, FrameRequest, SharedFrame, TetDraw};
+use crate::pipeline::{Delivery, FaceDetail, FrameRequest, SharedFrame};
 use crate::playback::quality::Quality;
 use crate::ui::jobs::{Done, Screenshot};
 use crate::ui::motion::Drawing;
@@ -160,7 +160,7 @@ impl Session {
         // All cells are at least as good as the chosen faces.
         let lod = shown.request.lod().max(wanted.lod());
         let mode = self.look.mode.on(series.mesh());
-        let draw = TetDraw::chosen(mode, FaceDetail { lod, ..self.look.faces }, self.look.points);
+        let draw = self.look.draw(mode, FaceDetail { lod, ..self.look.faces });
         let wanted = FrameRequest { for_window: shown.request.for_window, ..wanted.with_draw(draw) };
         let is_here = !shown.frame.planes.color.pixels.is_empty();
         let is_due = is_here && (self.state().playing || self.state().frame == Some(shown.request.time));

@@ -15,7 +15,16 @@ const PLOT: f32 = 130.0;
 pub(super) fn hovered(session: &Session) -> Option<String> {
     let hover = session.hover()?;
     Some(match &hover.found {
-        Ok(Some(probe)) => format!("{}\ncell {}", value(session, probe.scalar), probe.source_cell),
+        Ok(Some(probe)) => {
+            let cell = format!("cell {}", probe.source_cell);
+            match &hover.functions {
+                None => format!("{}\n{cell}", value(session, probe.scalar)),
+                Some(found) => {
+                    let (value, slope) = (value(session, found.value), number(found.gradient.length()));
+                    format!("{value}\nslope {slope}\n{} functions\n{cell}", found.reached)
+                }
+            }
+        }
         Ok(None) => return None,
         Err(error) => error.clone(),
     })

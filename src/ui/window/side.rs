@@ -13,7 +13,7 @@ use super::widgets::{chosen, color_button, icon, number, staying_menu, within_wi
 use super::{point, statistics, surfaces};
 use crate::camera::{Axis, Projection};
 use crate::optics::OpticsKind;
-use crate::pipeline::{Backend, RenderMode};
+use crate::pipeline::{Backend, RenderMode, Representation};
 use crate::render::points::{Compositing, Footprint, PointStyle};
 use crate::transfer::{ColorMap, MappedRange, RangePolicy, Space};
 use crate::ui::settings::{RecentFile, Settings};
@@ -362,9 +362,14 @@ fn picture(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
         (RenderMode::Raycast, "ray caster"),
         (RenderMode::Havs, "faces"),
         (RenderMode::Points, "cells as points"),
+        (RenderMode::Sheets, "functions on sheets"),
         (RenderMode::Reference, "reference (float64, slow)"),
     ];
     actions.extend(chosen(ui, "Renderer", session.look().mode, &modes).map(Action::Renderer));
+    if session.look().mode == RenderMode::Reference {
+        let of = [(Representation::Cells, "of cells"), (Representation::Vertices, "of functions at the vertices")];
+        actions.extend(chosen(ui, "Representation", session.look().representation, &of).map(Action::Representation));
+    }
     if session.look().mode == RenderMode::Points {
         points(ui, session.look().points, actions);
     }

@@ -1,7 +1,9 @@
 //! Clouds of points from import to export.
 
 use super::Place;
+use super::points::apart;
 use std::path::Path;
+use tetreel::image::read_exr;
 
 fn data(name: &str) -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/npz").join(name).to_str().unwrap().to_owned()
@@ -229,4 +231,27 @@ fn points_have_the_volumes_of_the_field_or_the_option() {
     assert!(parts.iter().all(|part| said.contains(part)), "{said}");
     let said = place.ok(&["import", "v.vtu", "-o", "a.zarr", "--append", "--volume", "0.5"]);
     assert!(said.contains("5 points, radius 0.1 to 0.3, volume 0.5 to 0.5"), "{said}");
+}
+
+#[test]
+fn points_are_drawn_as_functions_where_they_are_dense() {
+    let place = Place::empty();
+    place.ok(&["import", &data("cloud.npz"), "-o", "c.zarr"]);
+    let drawn = |rest: &[&str]| {
+        let words = ["render", "c.zarr", "-o", "f.exr", "--exr", "raw", "--steps", "1", "--size", "32x32"];
+        place.ok(&[&words[..], &["--tf", "viridis@0:0.1,1:0.3"], rest].concat());
+        read_exr(&place.path("f.exr")).unwrap().planes
+    };
+    let sheets = drawn(&["--mode", "sheets", "--sampling-error", "1e-5"]);
+    let judge = drawn(&["--mode", "reference", "--representation", "vertices"]);
+    println!("{:.1e}", apart(&sheets, &judge));
+    assert!(apart(&sheets, &judge) <= 1e-3 && judge.color.pixels.iter().any(|p| p[3] > 0.1));
+    // The comparison can fail: balls, and a box, are other pictures.
+    assert!(apart(&drawn(&[]), &judge) > 1e-2);
+    assert!(apart(&drawn(&["--representation", "vertices", "--domain", "box"]), &judge) > 1e-2);
+    let refused = |options: &[&str], parts: &[&str]| {
+        place.refuses(&[&["render", "c.zarr", "-o", "g.png", "--steps", "1"], options].concat(), parts);
+    };
+    refused(&["--mode", "sheets", "--domain", "mesh"], &["no mesh", "--domain box or coverage"]);
+    refused(&["--mode", "reference"], &["need cells"]);
 }

@@ -5,6 +5,7 @@ mod cloud;
 mod connectivity;
 mod export;
 mod export_surfaces;
+mod fit;
 mod import;
 mod movie;
 mod places;
@@ -12,6 +13,7 @@ mod points;
 mod project;
 mod render;
 mod resume;
+mod sheets;
 mod surfaces;
 
 use serde_json::Value;

@@ -3,13 +3,14 @@
 use super::{Place, render};
 use tetreel::image::{Planes, read_exr};
 
-fn exr(place: &Place, options: &[&str]) -> Planes {
+/// The second step of the slab, drawn with these options.
+pub(super) fn exr(place: &Place, options: &[&str]) -> Planes {
     place.ok(&render(&[&["-o", "f.exr", "--exr", "raw", "--steps", "2"], options].concat()));
     read_exr(&place.path("f.exr")).unwrap().planes
 }
 
 /// Greatest difference of a channel.
-fn apart(a: &Planes, b: &Planes) -> f32 {
+pub(super) fn apart(a: &Planes, b: &Planes) -> f32 {
     let channels = a.color.pixels.iter().flatten().zip(b.color.pixels.iter().flatten());
     channels.fold(0.0, |most, (a, b)| most.max((a - b).abs()))
 }

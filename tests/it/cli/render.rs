@@ -345,6 +345,24 @@ fn the_playback_suite_measures_moving_time_and_seeks() {
 
 // Long: the suite measures all paths that there are.
 #[test]
+fn the_accuracy_suite_judges_functions_as_functions() {
+    let place = Place::with_slab();
+    let words = ["bench", "slab.zarr", "--suite", "accuracy", "--field", "linear", "--frames", "1", "--size", "16x12"];
+    place.ok(&[&words[..], &["--representation", "vertices", "--json", "f.json"]].concat());
+    let report: serde_json::Value = serde_json::from_slice(&std::fs::read(place.path("f.json")).unwrap()).unwrap();
+    let runs = report["runs"].as_array().unwrap();
+    let error = |spacing: &serde_json::Value| {
+        let of_spacing = runs.iter().filter(|run| run["mode"] == "sheets" && &run["sheets"] == spacing);
+        let errors: Vec<f64> = of_spacing.map(|run| run["error"]["rmse"].as_f64().unwrap()).collect();
+        assert!(!errors.is_empty(), "{spacing}");
+        errors.into_iter().fold(0.0, f64::max)
+    };
+    let [fine, few] = [serde_json::json!({"error": 1e-5}), serde_json::json!({"count": 32})].map(|of| error(&of));
+    assert!(fine <= 1e-4 && fine < few, "{fine} {few}");
+    assert!(runs.iter().all(|run| run["mode"] == "sheets" || run["mode"] == "reference"));
+}
+
+#[test]
 fn the_accuracy_suite_writes_records_tables_and_plots() {
     let place = Place::with_slab();
     let suite = ["bench", "slab.zarr", "--suite", "accuracy", "--field", "linear", "--frames", "1", "--size", "40x30"];
@@ -370,5 +388,6 @@ fn the_accuracy_suite_writes_records_tables_and_plots() {
     place.refuses(&[&suite[..], &["--plot", "blocked"]].concat(), &["blocked"]);
     place.refuses(&[&suite[..], &["--plot", "blocked/plots"]].concat(), &["blocked"]);
     place.refuses(&[&suite[..], &["--lod", "0.1"]].concat(), &["--suite accuracy", "--lod"]);
+    place.refuses(&[&suite[..], &["--representation", "vertices", "--sheets", "9"]].concat(), &["--sheets"]);
     place.refuses(&["bench", "slab.zarr", "--plot", "more"], &["--plot", "--suite accuracy"]);
 }

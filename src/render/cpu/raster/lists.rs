@@ -158,15 +158,16 @@ impl<T: Copy> TileLists<T> {
         self.starts.resize(grid.tile_count() + 1, 0);
     }
 
-    /// Counts an item.
+    /// Counts an item; returns in how many tiles it is.
     #[inline(always)]
-    pub(in crate::render::cpu) fn count(&mut self, bounds: Bounds) {
+    pub(in crate::render::cpu) fn count(&mut self, bounds: Bounds) -> u64 {
         let ([x0, x1], [y0, y1]) = tiles(bounds);
         for y in y0..=y1 {
             for count in &mut self.starts[y * self.grid.columns + 1..][x0..=x1] {
                 *count += 1;
             }
         }
+        ((x1 - x0 + 1) * (y1 - y0 + 1)) as u64
     }
 
     /// Stores the items that have been counted.
