@@ -2,7 +2,6 @@
 
 use super::super::super::layers::Layers;
 use super::super::super::medium::Medium;
-use super::super::raster::lanes::Lanes;
 use super::super::raster::{FACES_AT_ONCE, TileRays};
 use super::TILE_PX;
 use super::fragment::{Fragment, sort_all};
@@ -10,6 +9,7 @@ use super::light::FragmentRay;
 use super::tile::{Scene, TileScratch};
 use crate::mesh::NONE;
 use crate::optics::Accumulator;
+use pulp::Scalar;
 
 /// Pixels resolved at once: bounds the memory.
 const PIXELS_AT_ONCE: u32 = 64;
@@ -17,11 +17,10 @@ const PIXELS_AT_ONCE: u32 = 64;
 /// Resolves the pixels `again` (a bit per column for each row) from all of their fragments.
 ///
 /// A complete list is followed instead of sorted: the fragments of a ray form paths from an entry through cell after cell to an exit, and
-/// depths order only the paths, as in the ray caster.
+/// depths order only the paths, as in the ray caster. Few pixels come here: one program serves all processors.
 #[cold]
 #[inline(never)]
-pub(super) fn resolve_again<'s, M: Medium<Light = Accumulator>, Y: Layers, L: Lanes>(
-    lanes: L,
+pub(super) fn resolve_again<'s, M: Medium<Light = Accumulator>, Y: Layers>(
     scene: &'s Scene<'_, M, Y>,
     tile: usize,
     rays: &TileRays,
@@ -39,7 +38,7 @@ pub(super) fn resolve_again<'s, M: Medium<Light = Accumulator>, Y: Layers, L: La
                 count += wanted.count_ones();
             }
         }
-        collect(lanes, scene, tile, rays, &wanted, scratch);
+        collect(scene, tile, rays, &wanted, scratch);
         let fragments = &mut scratch.again;
         // Stable sort: the fragments of a pixel stay in list order.
         fragments.sort_by_key(|(pixel, _)| *pixel);
@@ -67,8 +66,7 @@ pub(super) fn resolve_again<'s, M: Medium<Light = Accumulator>, Y: Layers, L: La
 }
 
 /// All fragments of the pixels `wanted`, in list order.
-fn collect<M: Medium<Light = Accumulator>, Y: Layers, L: Lanes>(
-    lanes: L,
+fn collect<M: Medium<Light = Accumulator>, Y: Layers>(
     scene: &Scene<'_, M, Y>,
     tile: usize,
     rays: &TileRays,
@@ -88,7 +86,7 @@ fn collect<M: Medium<Light = Accumulator>, Y: Layers, L: Lanes>(
         for some in scene.bins.items(chunk, tile).chunks(FACES_AT_ONCE) {
             faces.set(scene.view, scene.vertices, rays, some);
             for i in 0..some.len() {
-                faces.hits(lanes, i, (scene.view, scene.vertices), rays, candidates, |pixel, hit| {
+                faces.hits(Scalar, i, (scene.view, scene.vertices), rays, candidates, |pixel, hit| {
                     if is_wanted(pixel) {
                         out.push((pixel as u32, Fragment::at(hit)));
                     }

@@ -160,7 +160,7 @@ impl<M: Medium<Light = Accumulator>, Y: Layers, L: Lanes> NullaryFnOnce for Rend
         }
         if again != [0; TILE_PX] {
             stats.pixels_resolved_again += again.iter().map(|row| u64::from(row.count_ones())).sum::<u64>();
-            resolve_again(lanes, scene, tile, &rays, &again, scratch, &mut lights);
+            resolve_again(scene, tile, &rays, &again, scratch, &mut lights);
         }
         for row in 0..rect.height {
             for column in 0..rect.width {

@@ -8,10 +8,12 @@ use super::super::raster::lists::TileItem;
 use super::super::ray::ViewVertex;
 use super::super::tiles::{TILE_PX, TileBits};
 use super::fragment::{Fragment, Fragments, PIXELS};
-use super::shape::{Point, Shape};
+use super::shape::{Point, Shape, ShapeSource};
 use super::tets::{Corners, Ends, TETS_AT_ONCE, Tets};
 use super::tile::Scene;
 use crate::render::points::{Compositing, Footprint, PointStyle};
+use crate::task::Cancel;
+use pulp::{Arch, NullaryFnOnce, Scalar, Simd};
 
 /// Points drawn between two checks of the cancel flag.
 const POINTS_AT_ONCE: usize = 1024;
@@ -67,9 +69,48 @@ impl<M, Y> Scene<'_, M, Y> {
         }
     }
 
-    /// Finds the fragments of the wanted pixels, in list order; only some if the job is cancelled.
+    /// Finds the fragments of the wanted pixels, in list order, with the vectors of a processor; only some if the job is cancelled.
+    pub(super) fn collect(&self, wanted: (&TileRays, &TileBits), scratch: &mut CoverScratch, found: &mut Fragments) {
+        let finder = Finder { source: &self.source, cancel: self.cancel };
+        match self.arch {
+            #[cfg(target_arch = "x86_64")]
+            Arch::V4(lanes) => lanes.vectorize(Collect { lanes, finder, wanted, scratch, found }),
+            #[cfg(target_arch = "x86_64")]
+            Arch::V3(lanes) => lanes.vectorize(Collect { lanes, finder, wanted, scratch, found }),
+            _ => Scalar.vectorize(Collect { lanes: Scalar, finder, wanted, scratch, found }),
+        }
+    }
+}
+
+/// What fragments are found by, whatever the medium.
+#[derive(Clone, Copy)]
+struct Finder<'a> {
+    source: &'a ShapeSource<'a>,
+    cancel: &'a Cancel,
+}
+
+/// Finds fragments; compiled for the vectors of each processor.
+struct Collect<'a, L> {
+    lanes: L,
+    finder: Finder<'a>,
+    wanted: (&'a TileRays, &'a TileBits),
+    scratch: &'a mut CoverScratch,
+    found: &'a mut Fragments,
+}
+
+impl<L: Lanes> NullaryFnOnce for Collect<'_, L> {
+    type Output = ();
+
     #[inline(always)]
-    pub(super) fn collect<L: Lanes>(
+    fn call(self) {
+        let Self { lanes, finder, wanted, scratch, found } = self;
+        finder.collect(lanes, wanted, scratch, found);
+    }
+}
+
+impl Finder<'_> {
+    #[inline(always)]
+    fn collect<L: Lanes>(
         &self,
         lanes: L,
         wanted: (&TileRays, &TileBits),
@@ -144,7 +185,7 @@ impl<M, Y> Scene<'_, M, Y> {
             while asked != 0 {
                 let pixel = row * TILE_PX + asked.trailing_zeros() as usize;
                 asked &= asked - 1;
-                if let Some(slab) = point.slab(&self.source, rays.at(pixel)) {
+                if let Some(slab) = point.slab(self.source, rays.at(pixel)) {
                     let depth = [slab.middle, if is_gap { slab.middle } else { slab.thickness }];
                     found.push(pixel, Fragment { depth, scalar: [slab.scalar; 2], cell: point.cell });
                 }

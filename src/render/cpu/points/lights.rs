@@ -8,11 +8,10 @@ use super::super::lanes::{Rays, composite};
 use super::super::raster::TileRays;
 use super::super::tiles::{TILE_PX, TilePixel};
 use super::fragment::{FragmentsByPixel, PIXELS};
-use super::tile::PointLanes;
 use crate::camera::View;
 use crate::optics::exact::ExactTable;
 use crate::stats::FrameStats;
-use pulp::x86::{V3, V4};
+use pulp::{Arch, NullaryFnOnce};
 use std::ops::Range;
 
 /// Buffers of a tile, reused from tile to tile.
@@ -50,9 +49,23 @@ impl<'a> FragmentRays<'a> {
         Self { view, rays, fragments, scalars, pixel: 0, own: [const { None }; LANES] }
     }
 
-    /// Composites all of them into the pixels of the tile, row by row.
+    /// Composites all of them into the pixels of the tile, row by row; `None` if there are no vectors for that.
+    pub(super) fn composite(
+        self,
+        arch: Arch,
+        table: &'a ExactTable,
+        early_termination: bool,
+        into: (&'a mut RowScratch, &'a mut [TilePixel]),
+    ) -> Option<FrameStats> {
+        match arch {
+            Arch::V4(lanes) => Some(lanes.vectorize(Composite { lanes, rays: self, table, early_termination, into })),
+            Arch::V3(lanes) => Some(lanes.vectorize(Composite { lanes, rays: self, table, early_termination, into })),
+            _ => None,
+        }
+    }
+
     #[inline(always)]
-    pub(super) fn composite<L: Lanes>(
+    fn composite_in<L: Lanes>(
         mut self,
         (lanes, table): (L, &ExactTable),
         early_termination: bool,
@@ -129,22 +142,21 @@ impl Rays for FragmentRays<'_> {
     }
 }
 
-/// Composites with the vectors of a processor.
-macro_rules! composites {
-    ($($vectors:ty),*) => {
-        $(impl PointLanes for $vectors {
-            #[inline(always)]
-            fn composite(
-                self,
-                rays: FragmentRays<'_>,
-                table: &ExactTable,
-                early_termination: bool,
-                into: (&mut RowScratch, &mut [TilePixel]),
-            ) -> Option<FrameStats> {
-                Some(rays.composite((self, table), early_termination, into))
-            }
-        })*
-    };
+/// Composites rays; compiled for the vectors of each processor that has room for eight.
+struct Composite<'a, L> {
+    lanes: L,
+    rays: FragmentRays<'a>,
+    table: &'a ExactTable,
+    early_termination: bool,
+    into: (&'a mut RowScratch, &'a mut [TilePixel]),
 }
 
-composites!(V3, V4);
+impl<L: Lanes> NullaryFnOnce for Composite<'_, L> {
+    type Output = FrameStats;
+
+    #[inline(always)]
+    fn call(self) -> FrameStats {
+        let Self { lanes, rays, table, early_termination, into } = self;
+        rays.composite_in((lanes, table), early_termination, into)
+    }
+}

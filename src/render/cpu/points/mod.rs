@@ -77,10 +77,10 @@ use super::{RenderTiles, TileJob};
 use crate::field::Scalars;
 use crate::optics::Accumulator;
 pub(in crate::render::cpu) use place::{PointPlacer, PointsInView};
-use pulp::{Arch, Scalar, Simd};
+use pulp::Arch;
 use std::sync::Arc;
 use std::time::Duration;
-use tile::{RenderTile, Scene, TileScratch};
+use tile::{Scene, TileScratch};
 
 /// The point renderer on the CPU.
 pub type Points = FrameRun<PointTiles>;
@@ -198,16 +198,8 @@ impl RenderTiles for PointTiles {
             layers,
             early_termination: job.skip.opaque,
             cancel: &job.cancel,
+            arch: if self.portable { Arch::Scalar } else { Arch::new() },
         };
-        let portable = self.portable;
-        self.tiles.render(job, budget, frame, |tile, scratch, pixels| {
-            match if portable { Arch::Scalar } else { Arch::new() } {
-                #[cfg(target_arch = "x86_64")]
-                Arch::V4(lanes) => lanes.vectorize(RenderTile { lanes, scene: &scene, tile, scratch, pixels }),
-                #[cfg(target_arch = "x86_64")]
-                Arch::V3(lanes) => lanes.vectorize(RenderTile { lanes, scene: &scene, tile, scratch, pixels }),
-                _ => Scalar.vectorize(RenderTile { lanes: Scalar, scene: &scene, tile, scratch, pixels }),
-            }
-        })
+        self.tiles.render(job, budget, frame, |tile, scratch, pixels| scene.render(tile, scratch, pixels))
     }
 }

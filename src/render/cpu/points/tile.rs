@@ -5,7 +5,6 @@ use super::super::super::medium::{Medium, RayPoint, Segment};
 use super::super::light::RayLight;
 use super::super::raster::TileRays;
 use super::super::raster::boxes::Bounds;
-use super::super::raster::lanes::Lanes;
 use super::super::raster::lists::Bins;
 use super::super::ray::Ray;
 use super::super::tiles::{PixelRect, TILE_PX, TileBits, TilePixel};
@@ -17,12 +16,10 @@ use super::lights::{FragmentRays, RowScratch};
 use super::shape::ShapeSource;
 use crate::mesh::Topology;
 use crate::optics::Accumulator;
-#[cfg(target_arch = "x86_64")]
-use crate::optics::exact::ExactTable;
 use crate::render::points::{Compositing, Footprint, PointStyle};
 use crate::stats::FrameStats;
 use crate::task::Cancel;
-use pulp::NullaryFnOnce;
+use pulp::Arch;
 
 /// Pixels of a tile.
 pub(super) const PIXELS: usize = TILE_PX * TILE_PX;
@@ -39,6 +36,8 @@ pub(super) struct Scene<'a, M, Y> {
     pub(super) layers: &'a Y,
     pub(super) early_termination: bool,
     pub(super) cancel: &'a Cancel,
+    /// The vectors that are used.
+    pub(super) arch: Arch,
 }
 
 /// Buffers of a tile, reused from tile to tile.
@@ -50,80 +49,49 @@ pub(super) struct TileScratch {
     rows: RowScratch,
 }
 
-/// A processor's vectors, which may have room for eight rays.
-pub(super) trait PointLanes: Lanes {
-    /// Composites rays side by side; `None` if there are no vectors for that.
-    #[cfg(target_arch = "x86_64")]
-    fn composite(
-        self,
-        _rays: FragmentRays<'_>,
-        _table: &ExactTable,
-        _early_termination: bool,
-        _into: (&mut RowScratch, &mut [TilePixel]),
-    ) -> Option<FrameStats> {
-        None
-    }
-}
-
-impl PointLanes for pulp::Scalar {}
-
-/// Renders one tile into the first pixels of `pixels`, row by row; returns its statistics.
-pub(super) struct RenderTile<'a, M, Y, L> {
-    pub(super) lanes: L,
-    pub(super) scene: &'a Scene<'a, M, Y>,
-    pub(super) tile: usize,
-    pub(super) scratch: &'a mut TileScratch,
-    pub(super) pixels: &'a mut [TilePixel],
-}
-
-impl<M: Medium<Light = Accumulator>, Y: Layers, L: PointLanes> NullaryFnOnce for RenderTile<'_, M, Y, L> {
-    type Output = FrameStats;
-
-    #[inline(always)]
-    fn call(self) -> FrameStats {
-        let Self { lanes, scene, tile, scratch, pixels } = self;
+impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
+    /// Renders one tile into the first pixels of `pixels`, row by row; returns its statistics.
+    pub(super) fn render(&self, tile: usize, scratch: &mut TileScratch, pixels: &mut [TilePixel]) -> FrameStats {
         pixels.fill(TilePixel::TRANSPARENT);
         let mut stats = FrameStats::default();
-        let rect = scene.bins.grid.rect(tile);
+        let rect = self.bins.grid.rect(tile);
         let PixelRect { x, y, width, height } = rect;
-        let has_layers = scene.layers.has_some_in(x..x + width, y..y + height);
-        if !scene.bins.has_some(tile) && !has_layers {
+        let has_layers = self.layers.has_some_in(x..x + width, y..y + height);
+        if !self.bins.has_some(tile) && !has_layers {
             return stats;
         }
-        let view = scene.source.view;
+        let view = self.source.view;
         let rays = TileRays::new(view, Bounds { x0: x, x1: x + width, y0: y, y1: y + height });
         if has_layers {
             // Those without points; the others follow.
-            scene.each(&rays.rendered, |pixel| {
+            self.each(&rays.rendered, |pixel| {
                 let (column, row) = (pixel % TILE_PX, pixel / TILE_PX);
-                let light = RayLight::<M::Ray, _>::new(view.near_depth(), scene.layers.ahead(x + column, y + row));
+                let light = RayLight::<M::Ray, _>::new(view.near_depth(), self.layers.ahead(x + column, y + row));
                 pixels[row * width + column] = light.pixel();
             });
         }
-        scene.list(tile, &mut scratch.cover);
-        for wanted in scene.passes(tile, &rays) {
-            scene.collect(lanes, (&rays, &wanted), &mut scratch.cover, &mut scratch.fragments);
-            if scene.cancel.is_cancelled() {
+        self.list(tile, &mut scratch.cover);
+        for wanted in self.passes(tile, &rays) {
+            self.collect((&rays, &wanted), &mut scratch.cover, &mut scratch.fragments);
+            if self.cancel.is_cancelled() {
                 break;
             }
             stats.fragments += scratch.fragments.len() as u64;
-            let fragments = scratch.fragments.by_pixel(scene.source.style.exact_order);
+            let fragments = scratch.fragments.by_pixel(self.source.style.exact_order);
             #[cfg(target_arch = "x86_64")]
-            if let Some(table) = scene.medium.exact_table().filter(|_| scene.are_cut() && !has_layers) {
-                let in_lanes = FragmentRays::new((view, &rays), &fragments, scene.medium.cell_scalars());
+            if let Some(table) = self.medium.exact_table().filter(|_| self.are_cut() && !has_layers) {
+                let in_lanes = FragmentRays::new((view, &rays), &fragments, self.medium.cell_scalars());
                 let into = (&mut scratch.rows, &mut *pixels);
-                if let Some(counts) = lanes.composite(in_lanes, table, scene.early_termination, into) {
+                if let Some(counts) = in_lanes.composite(self.arch, table, self.early_termination, into) {
                     stats.add_counts(&counts);
                     continue;
                 }
             }
-            scene.each(&wanted, |pixel| scene.composite(pixel, &rays, &fragments, pixels, &mut stats));
+            self.each(&wanted, |pixel| self.composite(pixel, &rays, &fragments, pixels, &mut stats));
         }
         stats
     }
-}
 
-impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
     /// Calls `each` with each wanted pixel of a tile.
     fn each(&self, wanted: &TileBits, mut each: impl FnMut(usize)) {
         for (row, bits) in wanted.iter().enumerate() {
