@@ -4,11 +4,12 @@ use crate::camera::{Camera, CameraError};
 use crate::node_table::{NodeTable, TransferTable};
 use crate::optics::OpticsKind;
 use crate::pipeline::{
-    Backend, FaceDetail, FrameRequest, FrameTime, KeyedSurfaces, RenderMode, Representation, Series, SurfaceLook,
-    TetDraw,
+    Backend, FaceDetail, FlowLayer, FrameRequest, FrameTime, KeyedSurfaces, Layer, RenderMode, Representation, Series,
+    SurfaceLook, TetDraw,
 };
 use crate::render::functions::{FunctionForm, Normalise, SheetStyle};
 use crate::render::points::PointStyle;
+use crate::render::surfaces::ByField;
 use crate::task::Cancel;
 use crate::transfer::{
     FirstLook, Lengths, MappedRange, OpacityKind, RangePolicy, TransferContent, TransferError, TransferFunction,
@@ -52,10 +53,21 @@ pub struct Look {
     pub optics: OpticsKind,
     /// Isosurfaces, and whether the volume is drawn.
     pub surfaces: SurfaceLook,
+    /// A field of vectors within.
+    pub flow: Option<FlowLook>,
     /// Which unneeded work may be skipped.
     pub skip: Skip,
     /// Which settings a project overrides, if there is one.
     pub followed: Followed,
+}
+
+/// A field of vectors within the volume.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FlowLook {
+    /// What is drawn.
+    pub layer: FlowLayer,
+    /// The field and the map of its colours, by name.
+    pub color_by: Option<ByField>,
 }
 
 /// Which ensembles of a project are shown.
@@ -150,6 +162,7 @@ impl Look {
             backend: Backend::default(),
             optics: OpticsKind::default(),
             surfaces: SurfaceLook::default(),
+            flow: None,
             skip: Skip::default(),
             followed: Followed::default(),
         })
@@ -224,7 +237,7 @@ impl Look {
         let camera = keyed.camera.filter(|_| followed.camera).unwrap_or(self.camera);
         let optics = keyed.optics.filter(|_| followed.optics).unwrap_or(self.optics);
         let surfaces = if followed.surfaces { keyed.surfaces } else { KeyedSurfaces::default() };
-        let request = FrameRequest::new(time, camera, table, size_px).with_tets(|tets| {
+        let mut request = FrameRequest::new(time, camera, table, size_px).with_tets(|tets| {
             let faces = FaceDetail { lod: self.lod_at(keyed), ..self.faces };
             tets.draw = self.draw(self.mode, faces);
             tets.functions =
@@ -232,6 +245,7 @@ impl Look {
             (tets.optics, tets.formula) = (optics, formula);
             tets.show(&self.surfaces.at(surfaces));
         });
+        request.layers.extend(self.flow.as_ref().map(|flow| Layer::Flow(flow.layer.clone())));
         Ok(FrameRequest { backend: self.backend, skip: self.skip, ..request })
     }
 }

@@ -272,6 +272,7 @@ impl Gpu {
                 | RenderError::LayerPixels { .. }
                 | RenderError::SampleSize { .. }
                 | RenderError::EnlargedSize { .. }
+                | RenderError::TooMuchFlow { .. }
                 | RenderError::BadFunctions(_)
                 | RenderError::BadK(_) => return Err(error),
             }

@@ -1,6 +1,6 @@
 //! The layers of a request, as plain data.
 
-use super::{DrawnBy, FrameRequest, TetDraw};
+use super::{DrawnBy, FlowLayer, FrameRequest, TetDraw};
 use crate::camera::PixelSetError;
 use crate::field::Regions;
 use crate::node_table::{NodeTable, TransferTable};
@@ -18,42 +18,49 @@ use std::sync::Arc;
 pub enum Layer {
     /// The cells of the mesh.
     Tets(TetLayer),
+    /// A field of vectors as textured splats.
+    Flow(FlowLayer),
 }
 
 impl Layer {
     /// The layer of cells; `None` for another kind.
     pub fn tets(&self) -> Option<&TetLayer> {
-        let Self::Tets(layer) = self;
-        Some(layer)
+        match self {
+            Self::Tets(layer) => Some(layer),
+            Self::Flow(_) => None,
+        }
     }
 
     /// The layer of cells, mutable.
     pub(super) fn tets_mut(&mut self) -> Option<&mut TetLayer> {
-        let Self::Tets(layer) = self;
-        Some(layer)
+        match self {
+            Self::Tets(layer) => Some(layer),
+            Self::Flow(_) => None,
+        }
+    }
+
+    /// The layer of flow; `None` for another kind.
+    pub fn flow(&self) -> Option<&FlowLayer> {
+        match self {
+            Self::Flow(layer) => Some(layer),
+            Self::Tets(_) => None,
+        }
     }
 
     /// Whether both look the same.
     pub(super) fn looks_like(&self, other: &Self) -> bool {
-        let (Self::Tets(layer), Self::Tets(other)) = (self, other);
-        layer.looks_like(other)
+        match (self, other) {
+            (Self::Tets(layer), Self::Tets(other)) => layer.looks_like(other),
+            (Self::Flow(layer), Self::Flow(other)) => layer == other,
+            _ => false,
+        }
     }
 
     /// Why the layer cannot be drawn, whatever the series holds.
     pub(super) fn check(&self) -> Result<(), String> {
-        let Self::Tets(layer) = self;
-        surfaces::check(&layer.surfaces, &layer.shading).map_err(|error| error.to_string())?;
-        surfaces::check_cuts(&layer.cuts).map_err(|error| error.to_string())?;
-        domain::check(&layer.domain)?;
-        let by = layer.surfaces.iter().map(|surface| surface.by).chain(layer.cuts.iter().map(|cut| cut.by)).flatten();
-        if let Some(by) = by.into_iter().find(|by| usize::from(*by) >= layer.beside.len()) {
-            return Err(format!("a surface has the colours of field {by} beside, of {}", layer.beside.len()));
-        }
-        match layer.draw.drawn_by() {
-            DrawnBy::Faces(detail) => detail.check(),
-            DrawnBy::Points(style) => style.check(),
-            DrawnBy::Sheets(style) => style.check(),
-            DrawnBy::Raycast | DrawnBy::Reference | DrawnBy::Judge => Ok(()),
+        match self {
+            Self::Tets(layer) => layer.check(),
+            Self::Flow(layer) => layer.style.check(),
         }
     }
 }
@@ -116,6 +123,23 @@ pub struct ColorsBeside {
 }
 
 impl TetLayer {
+    /// Why it cannot be drawn, whatever the series holds.
+    fn check(&self) -> Result<(), String> {
+        surfaces::check(&self.surfaces, &self.shading).map_err(|error| error.to_string())?;
+        surfaces::check_cuts(&self.cuts).map_err(|error| error.to_string())?;
+        domain::check(&self.domain)?;
+        let by = self.surfaces.iter().map(|surface| surface.by).chain(self.cuts.iter().map(|cut| cut.by)).flatten();
+        if let Some(by) = by.into_iter().find(|by| usize::from(*by) >= self.beside.len()) {
+            return Err(format!("a surface has the colours of field {by} beside, of {}", self.beside.len()));
+        }
+        match self.draw.drawn_by() {
+            DrawnBy::Faces(detail) => detail.check(),
+            DrawnBy::Points(style) => style.check(),
+            DrawnBy::Sheets(style) => style.check(),
+            DrawnBy::Raycast | DrawnBy::Reference | DrawnBy::Judge => Ok(()),
+        }
+    }
+
     /// The volume of the series' own field, with everything else at its default: the fastest accurate renderer, exact optics.
     pub fn new(table: impl Into<TransferTable>) -> Self {
         Self {
@@ -280,6 +304,17 @@ pub enum RequestError {
         /// Index of the second layer.
         second: usize,
     },
+    /// The request has two layers of flow.
+    #[error("layers {first} and {second} of the request are both of flow; a frame has one of them")]
+    TwoOfFlow {
+        /// Index of the first layer.
+        first: usize,
+        /// Index of the second layer.
+        second: usize,
+    },
+    /// The vectors of a layer of flow cannot be shown.
+    #[error("flow: {0}")]
+    Flow(String),
     /// The field asked for is not the one played.
     #[error("the request is for the field '{asked}', but the series is of '{played}'; ask for that, or open the other")]
     OtherField {

@@ -11,6 +11,7 @@ mod device;
 mod distribution;
 mod draw;
 mod enlarging;
+mod flow;
 mod frames;
 mod functions;
 #[cfg(feature = "gpu")]
@@ -40,6 +41,7 @@ pub(crate) mod test_series;
 mod text;
 mod time;
 mod transparent;
+mod travel;
 mod unconnected;
 #[cfg(feature = "gpu")]
 mod window_gpu;
@@ -47,6 +49,7 @@ mod window_gpu;
 pub use crate::render::upsampling::{DepthEdges, ImageScale, UpsampleFilter, UpsampleKind, Upsampling};
 pub use device::Backend;
 pub use draw::{DrawnBy, FaceDetail, RenderMode, Representation, TetDraw};
+pub use flow::FlowLayer;
 pub use frames::SharedFrame;
 pub use layer::{ColorsBeside, KeyedSurfaces, Layer, RequestError, Shown, SurfaceLook, TetLayer};
 pub use pipelined::{Pipelined, PipelinedOptions};

@@ -1,6 +1,7 @@
 //! The first two stages of a frame: decode its scalars, then find and sort the cells and faces to draw.
 
 use super::enlarging::Enlarge;
+use super::flow::{DecodeFlow, FlowValues, OrderFlow};
 use super::functions;
 use super::in_sight::{CellsInSight, InSight, Sight};
 use super::points::PointLists;
@@ -50,6 +51,8 @@ pub(super) struct Decoded {
     colors: SurfaceColors,
     /// Other fields at the same time.
     beside: Vec<FieldBeside>,
+    /// The flow in the cells.
+    flow: Option<FlowValues>,
     /// Values of the cells by which regions are chosen.
     region_values: RegionValues,
     /// Labels of chunks that were not decoded; empty if all were.
@@ -66,6 +69,7 @@ pub(super) struct Decode {
     /// Decoded steps of other fields, by name.
     beside: StepCaches,
     region_fields: RegionFields,
+    flow: DecodeFlow,
     blank: Option<Blank>,
 }
 
@@ -90,8 +94,10 @@ impl Decode {
         let mut stats = FrameStats::default();
         if !request.skip.unchanged {
             (self.steps, self.transparent, self.colors, self.beside, self.blank) = Default::default();
-            self.region_fields = RegionFields::default();
+            (self.region_fields, self.flow) = Default::default();
         }
+        let flow = request.flow()?;
+        let flow = flow.map(|layer| self.flow.run(series, layer, request.time, cancel, &mut stats)).transpose()?;
         let layer = request.tets_of(&series.field.name)?;
         let by = layer.map_or(DrawnBy::Raycast, |layer| layer.draw.on(&series.mesh).drawn_by());
         if let Some(layer) = layer {
@@ -100,8 +106,8 @@ impl Decode {
                 functions::check(series, layer, request)?;
             }
         }
-        let Some(layer) = layer.filter(|layer| !layer.is_empty()) else {
-            return Ok(Blank::of(&mut self.blank, series).decoded(by));
+        let Some(layer) = layer.filter(|layer| !layer.is_empty() || flow.is_some()) else {
+            return Ok(Decoded { flow, ..Blank::of(&mut self.blank, series).decoded(by) });
         };
         if series.values_of() == Association::Cell && !layer.surfaces.is_empty() {
             return Err(RequestError::IsosurfacesOfCells(series.field.name.clone()).into());
@@ -114,7 +120,8 @@ impl Decode {
         let transparent = self.transparent.of(&layer, by, request.skip);
         // Smooth normals and sections also use invisible cells.
         let has_sections = layer.cuts.iter().any(|cut| !cut.clips);
-        let is_beside_cells = has_sections || !layer.domain.is_empty();
+        // A splat at a hole is not drawn.
+        let is_beside_cells = has_sections || !layer.domain.is_empty() || flow.is_some();
         // Gradients of cells' scalars come from the cells around.
         let needs_neighbours = series.values_of() == Association::Cell && layer.table.joint().is_some();
         let are_all_needed =
@@ -130,7 +137,7 @@ impl Decode {
         let is_for_gpu = request.backend != Backend::Cpu && !by.is_reference() && !by.is_of_functions();
         let compressed = if is_for_gpu { series.compressed(request.time)? } else { None };
         stats.ms_decode = started.elapsed().as_secs_f64() * 1e3;
-        Ok(Decoded { layer, by, scalars, compressed, transparent, colors, beside, region_values, known, stats })
+        Ok(Decoded { layer, by, scalars, compressed, transparent, colors, beside, flow, region_values, known, stats })
     }
 
     /// The other fields of a layer at a time.
@@ -226,6 +233,7 @@ impl Blank {
             transparent: self.transparent.clone(),
             colors: SurfaceColors { table: self.table.clone(), source: None },
             beside: Vec::new(),
+            flow: None,
             region_values: RegionValues::default(),
             known: Vec::new(),
             stats: FrameStats::default(),
@@ -309,6 +317,7 @@ pub(super) struct Order {
     /// Gradients for smooth normals of surfaces.
     vertex_gradients: VertexGradients,
     shells: Shells,
+    flow: OrderFlow,
     placer: Placer,
 }
 
@@ -366,12 +375,13 @@ impl Order {
             None
         };
         let Activity { finite, active, classified } = activity;
-        let Decoded { layer, by, scalars, compressed, colors, beside, region_values, known, mut stats, .. } = decoded;
+        let Decoded { layer, by, scalars, compressed, colors, beside, flow, region_values, known, mut stats, .. } =
+            decoded;
         (stats.cells_classified, stats.cells_clipped) = (classified, clipped);
         waste(Slow::Skipping, if request.skip == Skip::ALL { active.universe() } else { 0 });
         if !request.skip.unchanged {
             (self.selector, self.depth, self.gradients, self.vertex_gradients) = Default::default();
-            (self.shells, self.points) = Default::default();
+            (self.shells, self.points, self.flow) = Default::default();
         }
         let (faces, k_buffer) = match by.faces() {
             Some(detail) => {
@@ -446,6 +456,11 @@ impl Order {
             self.prepare_table(&mut job)?;
         }
         job.fragments = self.shells.fragments(&job, shading, &domain_colors, &clips)?;
+        if let Some(flow) = flow {
+            let (cells, view) = ((&series.mesh, &finite), job.local_view());
+            let drawn = self.flow.fragments(flow, cells, &clips, (&view, by.is_reference()), &mut job.stats)?;
+            job.fragments = Some(Arc::new(job.fragments.as_ref().map_or(drawn.clone(), |shells| shells.with(&drawn))));
+        }
         job.stats.ms_order = started.elapsed().as_secs_f64() * 1e3;
         let on_image = OnImage::of(request, &job, shading, by);
         if on_image.is_some() && request.samples != SampleSet::All && shading.is_of_screen() {

@@ -2,7 +2,8 @@
 
 use super::text::{as_text, size_px};
 use super::{
-    Backend, DrawnBy, FrameTime, Layer, RequestError, ResidualRequest, SampleSet, TetDraw, TetLayer, Upsampling,
+    Backend, DrawnBy, FlowLayer, FrameTime, Layer, RequestError, ResidualRequest, SampleSet, TetDraw, TetLayer,
+    Upsampling,
 };
 use crate::camera::{Camera, CameraError};
 use crate::error::FileError;
@@ -83,6 +84,18 @@ impl FrameRequest {
     /// The layer of cells; `None` without one.
     pub fn tets(&self) -> Option<&TetLayer> {
         self.layers.iter().find_map(Layer::tets)
+    }
+
+    /// The layer of flow, if any.
+    ///
+    /// # Errors
+    /// If there are two.
+    pub(super) fn flow(&self) -> Result<Option<&FlowLayer>, RequestError> {
+        let mut layers = self.layers.iter().enumerate().filter_map(|(at, layer)| Some((at, layer.flow()?)));
+        match (layers.next(), layers.next()) {
+            (Some((first, _)), Some((second, _))) => Err(RequestError::TwoOfFlow { first, second }),
+            (found, _) => Ok(found.map(|(_, layer)| layer)),
+        }
     }
 
     /// The request with its layer of cells changed, if there is one.

@@ -27,6 +27,8 @@ pub struct LayerFragments {
     ends: Vec<u32>,
     /// The fragments of each pixel, nearest first, equal depths in layer order.
     fragments: Vec<LayerFragment>,
+    /// Whether light changes from pixel to pixel within a layer, not at its ends alone.
+    is_textured: bool,
 }
 
 impl LayerFragments {
@@ -50,12 +52,56 @@ impl LayerFragments {
             let count = found[begin..].iter().take_while(|(of, _)| *of as usize == pixel).count();
             ends.push((begin + count) as u32);
         }
-        Ok(Self { ends, fragments: found.into_iter().map(|(_, fragment)| fragment).collect() })
+        let fragments = found.into_iter().map(|(_, fragment)| fragment).collect();
+        Ok(Self { ends, fragments, is_textured: false })
+    }
+
+    /// Textured fragments in range that come nearest first, for each pixel of a plane from one list alone.
+    pub(in crate::render) fn of_ordered(pixels: usize, lists: &[Vec<(u32, LayerFragment)>]) -> Self {
+        let mut next = vec![0u32; pixels + 1];
+        for (pixel, _) in lists.iter().flatten() {
+            next[*pixel as usize + 1] += 1;
+        }
+        for pixel in 0..pixels {
+            next[pixel + 1] += next[pixel];
+        }
+        let ends = next[1..].to_vec();
+        let none = LayerFragment { depth: 0.0, rgba: [0.0; 4] };
+        let mut fragments = vec![none; next[pixels] as usize];
+        for &(pixel, fragment) in lists.iter().flatten() {
+            let place = &mut next[pixel as usize];
+            fragments[*place as usize] = fragment;
+            *place += 1;
+        }
+        Self { ends, fragments, is_textured: true }
+    }
+
+    /// These and others of the same plane; at equal depths these lie in front.
+    #[must_use]
+    pub fn with(&self, others: &Self) -> Self {
+        let mut both = Self { is_textured: self.is_textured || others.is_textured, ..Self::default() };
+        for pixel in 0..self.pixels() {
+            let (mut front, mut back) = (self.of_pixel(pixel), others.of_pixel(pixel));
+            while let (Some(a), Some(b)) = (front.first(), back.first()) {
+                let from = if a.depth <= b.depth { &mut front } else { &mut back };
+                both.fragments.extend(from.first());
+                *from = &from[1..];
+            }
+            both.fragments.extend_from_slice(front);
+            both.fragments.extend_from_slice(back);
+            both.ends.push(both.fragments.len() as u32);
+        }
+        both
     }
 
     /// Pixels of the plane.
     pub fn pixels(&self) -> usize {
         self.ends.len()
+    }
+
+    /// Fragments of all pixels.
+    pub fn count(&self) -> usize {
+        self.fragments.len()
     }
 
     /// The fragments of a pixel, nearest first.
@@ -81,7 +127,7 @@ pub(in crate::render) trait Layers: Sync {
     /// Whether a rectangle of pixels has fragments.
     fn has_some_in(&self, columns: Range<usize>, rows: Range<usize>) -> bool;
 
-    /// Whether a layer begins or ends in a rectangle: its pixels differ in their number of fragments.
+    /// Whether a layer begins or ends in a rectangle: its pixels differ in their number of fragments, or have textured ones.
     fn ends_in(&self, columns: Range<usize>, rows: Range<usize>) -> bool;
 }
 
@@ -183,6 +229,9 @@ impl Layers for JobLayers<'_> {
     }
 
     fn ends_in(&self, columns: Range<usize>, rows: Range<usize>) -> bool {
+        if self.fragments.is_textured {
+            return self.has_some_in(columns, rows);
+        }
         let first = self.of_pixel(columns.start, rows.start).len();
         let is_other = |(_, place)| self.fragments.of_pixel(place).len() != first;
         rows.into_iter().any(|row| self.view.rendered_in(row, columns.clone()).any(is_other))

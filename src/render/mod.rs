@@ -8,6 +8,7 @@
 mod adaptive;
 pub mod cpu;
 pub mod domain;
+pub mod flow;
 mod frame_run;
 pub mod functions;
 pub mod gpu;
@@ -274,6 +275,16 @@ pub enum RenderError {
     /// A setting of points is out of range.
     #[error("{0}")]
     BadPoints(String),
+    /// Splats of flow cover too many pixels.
+    #[error(
+        "the splats of flow cover {fragments} pixels in all, of which {most} fit in memory; choose fewer splats, a smaller size of them or of the image"
+    )]
+    TooMuchFlow {
+        /// Pixels of splats.
+        fragments: u64,
+        /// How many there may be.
+        most: u64,
+    },
     /// The functions of a job cannot be drawn.
     #[error("the functions: {0}")]
     BadFunctions(String),

@@ -44,6 +44,12 @@ pub struct FrameStats {
     pub points_culled: u64,
     /// Points that were widened to half a pixel.
     pub points_enlarged: u64,
+    /// Splats of flow in view.
+    pub flow_splats: u64,
+    /// Pixels that they cover, each counted once a splat.
+    pub flow_fragments: u64,
+    /// Milliseconds for the fragments of flow, a part of `ms_order`.
+    pub ms_flow: f64,
     /// Functions that a pixel's ray may meet in front of the eye.
     pub functions_drawn: u64,
     /// Functions smaller than a pixel that were widened to one.

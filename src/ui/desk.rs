@@ -60,6 +60,7 @@ impl Desk {
             points: Default::default(),
             sheets: Default::default(),
             functions: Default::default(),
+            flow: None,
             backend: Backend::Cpu,
             optics: Default::default(),
             skip: Default::default(),

@@ -24,6 +24,7 @@ fn look(scale: f64) -> Look {
         points: Default::default(),
         sheets: Default::default(),
         functions: Default::default(),
+        flow: None,
         backend,
         optics,
         skip: Default::default(),

@@ -19,6 +19,7 @@
 
 pub(super) mod clip;
 mod cuts;
+mod flow;
 mod formula;
 mod functions;
 pub(super) mod integrate;
@@ -33,6 +34,7 @@ use crate::render::medium::{Medium, Segment};
 use crate::transfer::Formula;
 use clip::Cell;
 use cuts::WithCuts;
+pub(crate) use flow::flow_fragments;
 use functions::{Lit, Pieces};
 use glam::DVec3;
 use rayon::prelude::*;

@@ -1,0 +1,217 @@
+//! Layers of flow: their vectors at a time, the way that these have travelled, and their fragments in a view.
+
+use super::series::Series;
+use super::steps::{StepCache, StepCaches};
+use super::travel::{Speeds, Travel};
+use super::{ColorsBeside, FrameTime, PipelineError, RequestError};
+use crate::camera::View;
+use crate::field::{Association, Component, FieldSelector};
+use crate::mesh::{Mesh, Plane, Symmetric};
+use crate::render::LayerFragments;
+use crate::render::flow::{self, FlowColors, FlowScene, FlowStyle};
+use crate::render::reference::flow_fragments;
+use crate::render::surfaces::FieldBeside;
+use crate::stats::FrameStats;
+use crate::task::Cancel;
+use crate::visibility::CellSet;
+use serde::{Deserialize, Serialize};
+use std::sync::{Arc, Weak};
+use std::time::Instant;
+
+/// A field of vectors as textured splats ([`crate::render::flow`]).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FlowLayer {
+    /// Name of the field, which has three components.
+    pub field: String,
+    /// How its splats look.
+    pub style: FlowStyle,
+    /// The field and colour table that colour them; `None`: [`FlowStyle::COLOR`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub colors: Option<ColorsBeside>,
+}
+
+impl FlowLayer {
+    /// Why a series cannot show it.
+    ///
+    /// # Errors
+    /// If the series has no such vectors at its vertices, or no cells around them.
+    pub fn check(&self, series: &Series) -> Result<(), RequestError> {
+        if series.mesh.is_cloud() {
+            let problem = "splats are as wide as the cells around, and the series is of points alone; leave flow out";
+            return Err(RequestError::Flow(problem.to_owned()));
+        }
+        components(series, &self.field).map(drop)
+    }
+}
+
+/// What a layer of flow shows at a time.
+#[derive(Clone, Debug)]
+pub(super) struct FlowValues {
+    style: FlowStyle,
+    vectors: [Arc<Vec<f32>>; 3],
+    travel: Arc<Vec<f64>>,
+    colors: FlowColors,
+}
+
+/// The first stage of flow: decodes.
+#[derive(Debug, Default)]
+pub(super) struct DecodeFlow {
+    /// Field of `components` and `travel`.
+    field: String,
+    of: Weak<Mesh>,
+    components: [StepCache; 3],
+    travel: Travel,
+    colors: StepCaches,
+}
+
+impl DecodeFlow {
+    /// The values of a layer at a time.
+    ///
+    /// # Errors
+    /// If the series has no such vectors at its vertices, or no such colours, or they cannot be read, or `Cancelled`.
+    pub(super) fn run(
+        &mut self,
+        series: &Arc<Series>,
+        layer: &FlowLayer,
+        time: FrameTime,
+        cancel: &Cancel,
+        stats: &mut FrameStats,
+    ) -> Result<FlowValues, PipelineError> {
+        if self.of.as_ptr() != Arc::as_ptr(&series.mesh) || self.field != layer.field {
+            *self = Self { field: layer.field.clone(), of: Arc::downgrade(&series.mesh), ..Self::default() };
+        }
+        layer.check(series)?;
+        let fields = components(series, &layer.field)?;
+        let colors = self.colors(series, layer, time, cancel, stats)?;
+        let Self { components, travel, .. } = self;
+        let mut vectors = |time: FrameTime| -> Result<Option<[Arc<Vec<f32>>; 3]>, PipelineError> {
+            let mut found = [const { None }; 3];
+            for ((found, steps), field) in found.iter_mut().zip(&mut *components).zip(&fields) {
+                *found = steps.show(field, time, None, cancel, stats)?;
+            }
+            let [Some(x), Some(y), Some(z)] = found else { return Ok(None) };
+            Ok(Some([x, y, z]))
+        };
+        let mut speeds = |step: usize| Ok::<_, PipelineError>(vectors(step.into())?.map(|vectors| speeds_of(&vectors)));
+        let travel = travel.at(&series.times, time, &mut speeds)?.ok_or(PipelineError::Cancelled)?;
+        let vectors = vectors(time)?.ok_or(PipelineError::Cancelled)?;
+        Ok(FlowValues { style: layer.style, vectors, travel, colors })
+    }
+
+    fn colors(
+        &mut self,
+        series: &Series,
+        layer: &FlowLayer,
+        time: FrameTime,
+        cancel: &Cancel,
+        stats: &mut FrameStats,
+    ) -> Result<FlowColors, PipelineError> {
+        self.colors.keep(|field| layer.colors.as_ref().is_some_and(|of| of.field == field));
+        let Some(ColorsBeside { field, colors }) = &layer.colors else { return Ok(FlowColors::One(FlowStyle::COLOR)) };
+        let no_field = |error| RequestError::NoFieldBeside(format!("'{field}': {error}"));
+        let other = series.beside(&field.parse().map_err(no_field)?)?;
+        if other.values_of() == Association::Cell {
+            return Err(RequestError::Flow(of_cells(field)).into());
+        }
+        let scalars = self.colors.of(field).show(&other, time, None, cancel, stats)?.ok_or(PipelineError::Cancelled)?;
+        Ok(FlowColors::Of(FieldBeside { scalars: other.scalars(scalars), colors: colors.clone() }))
+    }
+}
+
+fn of_cells(field: &str) -> String {
+    format!("'{field}' has values of cells, and splats are at vertices; import the series with --cells-to-points")
+}
+
+/// The components of a field of vectors of vertices.
+fn components(series: &Series, field: &str) -> Result<[Arc<Series>; 3], RequestError> {
+    let component = |index| {
+        let selector = FieldSelector { name: field.to_owned(), component: Some(Component::Index(index)) };
+        series.beside(&selector)
+    };
+    let none = |error| {
+        RequestError::Flow(format!(
+            "'{field}' is no field of vectors with three components: {error}; choose one that the source has as a vector, whose components are imported unless --field names others"
+        ))
+    };
+    let found = [component(0).map_err(none)?, component(1).map_err(none)?, component(2).map_err(none)?];
+    match found[0].values_of() {
+        Association::Cell => Err(RequestError::Flow(of_cells(field))),
+        Association::Point => Ok(found),
+    }
+}
+
+/// The lengths of vectors; 0 where they are not finite.
+fn speeds_of([x, y, z]: &[Arc<Vec<f32>>; 3]) -> Speeds {
+    let length = |((x, y), z): ((&f32, &f32), &f32)| {
+        let length = [x, y, z].iter().map(|&&c| f64::from(c).powi(2)).sum::<f64>().sqrt();
+        if length.is_finite() { length } else { 0.0 }
+    };
+    Arc::new(x.iter().zip(&**y).zip(&**z).map(length).collect())
+}
+
+/// The second stage of flow: fragments, and what they are found by from request to request.
+#[derive(Debug, Default)]
+pub(super) struct OrderFlow {
+    of: Weak<Mesh>,
+    shapes: Option<Arc<Vec<Symmetric>>>,
+    chosen: Option<(u32, Arc<Vec<u32>>)>,
+    cells: Weak<CellSet>,
+    shown: Arc<Vec<bool>>,
+}
+
+impl OrderFlow {
+    /// The fragments of a view, by the judge if the frame is the judge's. Splats are at vertices of the cells that are shown.
+    ///
+    /// # Errors
+    /// If they are too many.
+    pub(super) fn fragments(
+        &mut self,
+        values: FlowValues,
+        (mesh, cells): (&Arc<Mesh>, &Arc<CellSet>),
+        clips: &[Plane],
+        (local_view, is_judged): (&View, bool),
+        stats: &mut FrameStats,
+    ) -> Result<LayerFragments, PipelineError> {
+        let started = Instant::now();
+        if self.of.as_ptr() != Arc::as_ptr(mesh) {
+            *self = Self { of: Arc::downgrade(mesh), ..Self::default() };
+        }
+        if self.cells.as_ptr() != Arc::as_ptr(cells) {
+            self.shown = Arc::new(vertices_of(mesh, cells));
+            self.cells = Arc::downgrade(cells);
+        }
+        let shapes = self.shapes.get_or_insert_with(|| Arc::new(mesh.vertex_shapes())).clone();
+        let chosen = values.style.splats.map(|count| match self.chosen.take() {
+            Some((of, chosen)) if of == count => (count, chosen),
+            _ => (count, Arc::new(flow::chosen(mesh, count))),
+        });
+        self.chosen.clone_from(&chosen);
+        let FlowValues { style, vectors, travel, colors } = values;
+        let scene = FlowScene {
+            style,
+            mesh: mesh.clone(),
+            vectors,
+            travel,
+            colors,
+            shapes,
+            shown: self.shown.clone(),
+            chosen: chosen.map(|(_, chosen)| chosen),
+            clips: clips.to_vec(),
+        };
+        let (fragments, splats) =
+            if is_judged { flow_fragments(&scene, local_view)? } else { scene.fragments(local_view)? };
+        (stats.flow_splats, stats.flow_fragments) = (splats, fragments.count() as u64);
+        stats.ms_flow = started.elapsed().as_secs_f64() * 1e3;
+        Ok(fragments)
+    }
+}
+
+/// Whether each vertex belongs to a cell of a set.
+fn vertices_of(mesh: &Mesh, cells: &CellSet) -> Vec<bool> {
+    let mut shown = vec![false; mesh.positions.local.len()];
+    for (_, tet) in mesh.topology.tets.iter().enumerate().filter(|(cell, _)| cells.contains(*cell as u32)) {
+        tet.iter().for_each(|&vertex| shown[vertex as usize] = true);
+    }
+    shown
+}

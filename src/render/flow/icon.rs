@@ -1,0 +1,209 @@
+//! Icons: patterns of one channel, periodic both ways, along which the flow is seen to move.
+//!
+//! s runs along the flow, t across it, one period each. All have the same mean, so that none is more opaque than another, and none has a seam.
+
+use crate::random::{hash, unit};
+use crate::words::words;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
+
+/// Texels along and across.
+pub(in crate::render) const TEXELS: usize = 64;
+
+/// Mean of each icon.
+pub(in crate::render) const MEAN: f64 = 0.2;
+
+/// The pattern of splats.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Icon {
+    /// Short strokes, brighter towards their heads.
+    #[default]
+    Strokes,
+    /// Long lines.
+    Lines,
+    /// Dots.
+    Particles,
+    /// Arrow heads.
+    Arrows,
+}
+
+words!(Icon, "there is no icon", ["strokes" = Strokes, "lines" = Lines, "particles" = Particles, "arrows" = Arrows]);
+
+impl Icon {
+    /// The texels, 0 to 1, of mean [`MEAN`]: rows across, in each the texels along.
+    pub(in crate::render) fn texels(self) -> Vec<[f64; TEXELS]> {
+        let at = |i: usize| (i as f64 + 0.5) / TEXELS as f64;
+        let raw: Vec<[f64; TEXELS]> =
+            (0..TEXELS).map(|row| std::array::from_fn(|column| self.raw(at(column), at(row)))).collect();
+        let mean = |power: f64| {
+            let sum: f64 = raw.iter().flatten().map(|value| value.powf(power)).sum();
+            sum / (TEXELS * TEXELS) as f64
+        };
+        // The mean falls with the power: bisected to the last bits.
+        let (mut low, mut high) = (0.0, 64.0);
+        for _ in 0..80 {
+            let middle = 0.5 * (low + high);
+            *(if mean(middle) > MEAN { &mut low } else { &mut high }) = middle;
+        }
+        raw.iter().map(|row| row.map(|value| value.powf(low))).collect()
+    }
+
+    /// The pattern at a place before its mean is set, 0 to 1.
+    fn raw(self, s: f64, t: f64) -> f64 {
+        match self {
+            Self::Strokes => most((0..14).map(|i| {
+                let ([from, lane], length) = (place(1, i), 0.25 + 0.15 * unit(hash(2, i)));
+                let behind = (from - s).rem_euclid(1.0) / length;
+                bump(nearest(t - lane) / 0.03) * if behind < 1.0 { 1.0 - behind } else { 0.0 }
+            })),
+            Self::Lines => most((0..10).map(|i| {
+                let [from, shift] = place(3, i);
+                let lane = (i as f64 + 0.6 * shift) / 10.0;
+                // All around, so that a line is never cut.
+                bump(nearest(t - lane) / 0.025) * (0.55 + 0.45 * (TAU * (s - from)).cos())
+            })),
+            Self::Particles => most((0..9).map(|i| {
+                // One in each of 3 x 3 squares: never two at one place.
+                let ([x, y], [column, row]) = (place(4, i), [i % 3, i / 3].map(|k| k as f64));
+                let center = [(column + 0.25 + 0.5 * x) / 3.0, (row + 0.25 + 0.5 * y) / 3.0];
+                bump(nearest(s - center[0]) / 0.055) * bump(nearest(t - center[1]) / 0.055)
+            })),
+            Self::Arrows => most([[0.25, 0.25], [0.75, 0.75]].into_iter().map(|[x, y]| {
+                let (behind, beside) = (nearest(x + 0.2 - s), nearest(t - y).abs());
+                // A head whose wings sweep back, and a shaft behind its tip.
+                let wing = bump((behind - 1.2 * beside) / 0.035) * soft((0.16 - beside) / 0.015);
+                let shaft = bump(beside / 0.025) * soft(behind / 0.015) * soft((0.38 - behind) / 0.015);
+                wing.max(shaft)
+            })),
+        }
+    }
+}
+
+fn most(values: impl Iterator<Item = f64>) -> f64 {
+    values.fold(0.0, f64::max)
+}
+
+/// A place in the period, by chance but always the same.
+fn place(seed: u64, index: u64) -> [f64; 2] {
+    [0, 1].map(|part| unit(hash(seed, 2 * index + part)))
+}
+
+/// The nearest of all periods' repetitions of a distance, -0.5 to 0.5.
+fn nearest(distance: f64) -> f64 {
+    distance - distance.round()
+}
+
+/// A Gaussian of width 1.
+fn bump(distance: f64) -> f64 {
+    (-0.5 * distance * distance).exp()
+}
+
+/// From 0 to 1 around 0.
+fn soft(at: f64) -> f64 {
+    1.0 / (1.0 + (-at).exp())
+}
+
+/// An icon as running sums along s, averaged across over 1, 2, 4, ... texels: the mean over any box is two look-ups.
+#[derive(Debug)]
+pub(in crate::render) struct IconSums {
+    /// For each power of two and each row, sums before each texel, and of all.
+    levels: Vec<Vec<[f64; TEXELS + 1]>>,
+}
+
+impl IconSums {
+    /// The sums of an icon.
+    pub(in crate::render) fn of(icon: Icon) -> Self {
+        let texels = icon.texels();
+        let level = |level: u32| {
+            let rows = 1usize << level;
+            let sums = |first: usize| {
+                let mut sums = [0.0; TEXELS + 1];
+                for column in 0..TEXELS {
+                    let all: f64 = (0..rows).map(|row| texels[(first + row) % TEXELS][column]).sum();
+                    sums[column + 1] = sums[column] + all / rows as f64;
+                }
+                sums
+            };
+            (0..TEXELS).map(sums).collect()
+        };
+        Self { levels: (0..=TEXELS.ilog2()).map(level).collect() }
+    }
+
+    /// The level whose rows are at least as many texels as a pixel is across.
+    pub(in crate::render) fn level(periods_per_pixel: f64) -> u32 {
+        let texels = (periods_per_pixel * TEXELS as f64).clamp(1.0, TEXELS as f64);
+        texels.log2().ceil() as u32
+    }
+
+    /// Width of the box along, in periods, for a pixel of this width: at least a texel, at most a period.
+    pub(in crate::render) fn width(periods_per_pixel: f64) -> f64 {
+        periods_per_pixel.clamp(1.0 / TEXELS as f64, 1.0)
+    }
+
+    /// The mean over a box around (s, t), in periods: `width` long and 2^level texels across.
+    pub(in crate::render) fn mean(&self, s: f64, t: f64, width: f64, level: u32) -> f64 {
+        let rows = &self.levels[level as usize];
+        let first = (t - t.floor()) * TEXELS as f64 - 0.5 * f64::from(1u32 << level);
+        let (row, share) = (first.floor(), first - first.floor());
+        let at = |row: f64| &rows[(row as isize).rem_euclid(TEXELS as isize) as usize];
+        let from = s - s.floor() - 0.5 * width;
+        let along = |sums: &[f64; TEXELS + 1]| before(sums, from + width) - before(sums, from);
+        let (near, far) = (along(at(row)), along(at(row + 1.0)));
+        (near + share * (far - near)) / (width * TEXELS as f64)
+    }
+}
+
+/// Sum of all texels of a row before a place, in periods.
+fn before(sums: &[f64; TEXELS + 1], at: f64) -> f64 {
+    let (periods, texels) = (at.floor(), (at - at.floor()) * TEXELS as f64);
+    // Rounding may reach the end of the period.
+    let texel = (texels as usize).min(TEXELS - 1);
+    periods * sums[TEXELS] + sums[texel] + (texels - texel as f64) * (sums[texel + 1] - sums[texel])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn icons_have_one_mean_and_no_seam() {
+        for icon in Icon::ALL {
+            let texels = icon.texels();
+            let mean = texels.iter().flatten().sum::<f64>() / (TEXELS * TEXELS) as f64;
+            // A sum of 4096 numbers below 1 in float64.
+            assert!((mean - MEAN).abs() < 1e-12, "{icon}: {mean}");
+            assert!(texels.iter().flatten().all(|value| (0.0..=1.0).contains(value)));
+            let value = |row: usize, column: usize| texels[row % TEXELS][column % TEXELS];
+            let step = |row: usize, column: usize| {
+                let here = value(row, column);
+                [(value(row, column + 1) - here).abs(), (value(row + 1, column) - here).abs()]
+            };
+            let most = |rows: std::ops::Range<usize>, columns: std::ops::Range<usize>, way: usize| {
+                rows.flat_map(|row| columns.clone().map(move |column| (row, column)))
+                    .map(|(row, column)| step(row, column)[way])
+                    .fold(0.0, f64::max)
+            };
+            let last = TEXELS - 1;
+            assert!(most(0..TEXELS, last..TEXELS, 0) <= most(0..TEXELS, 0..last, 0), "{icon} along");
+            assert!(most(last..TEXELS, 0..TEXELS, 1) <= most(0..last, 0..TEXELS, 1), "{icon} across");
+            assert!(most(0..TEXELS, 0..TEXELS, 0) > 0.02, "{icon} is seen to move");
+        }
+    }
+
+    #[test]
+    fn the_mean_over_a_period_is_that_of_the_icon_and_of_a_texel_the_texel() {
+        for icon in Icon::ALL {
+            let (sums, texels) = (IconSums::of(icon), icon.texels());
+            let top = IconSums::level(1.0);
+            assert!((sums.mean(0.3, -7.1, 1.0, top) - MEAN).abs() < 1e-12, "{icon}");
+            let center = |i: usize| (i as f64 + 0.5) / TEXELS as f64;
+            for (row, column) in [(0, 0), (5, 63), (63, 17)] {
+                // A whole number of periods away.
+                let found = sums.mean(center(column) - 3.0, center(row) + 2.0, 1.0 / TEXELS as f64, 0);
+                assert!((found - texels[row][column]).abs() < 1e-12, "{icon}");
+            }
+        }
+        assert_eq!([0.0, 1.0 / 64.0, 1.1 / 64.0, 0.4, 9.0].map(IconSums::level), [0, 0, 1, 5, 6]);
+    }
+}

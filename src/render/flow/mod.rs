@@ -1,0 +1,239 @@
+//! A field of vectors as textured splats (Xue and Crawfis 2004, after Crawfis and Max 1993).
+//!
+//! A splat lies at a vertex, as wide as the cells there. It has an icon along the projected vector, and the icon's pattern drifts through the
+//! splat's window, which stays. docs/flow.md derives the formulas.
+//!
+//! ```text
+//! for each vertex with a vector: its splat on the screen          splat.rs
+//! splats in order of (depth, vertex)
+//! for each row of pixels: what each splat has there               rows.rs
+//! ```
+//!
+//! All fragments of a splat are at its centre's depth along the view direction, so that one order holds in every pixel. They reach the cells
+//! as [`LayerFragments`], which every renderer composites between its segments.
+
+mod icon;
+mod rows;
+mod splat;
+#[cfg(test)]
+mod tests;
+
+pub use icon::Icon;
+pub(in crate::render) use icon::{MEAN, TEXELS};
+pub(in crate::render) use splat::{COMPRESSED, END, PIXEL};
+
+use super::surfaces::FieldBeside;
+use super::{LayerFragments, RenderError};
+use crate::camera::View;
+use crate::mesh::{Mesh, Plane, Symmetric};
+use crate::random::{hash, unit};
+use glam::DVec3;
+use icon::IconSums;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use splat::Splat;
+use std::sync::Arc;
+
+/// How splats look.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FlowStyle {
+    /// The pattern.
+    #[serde(default)]
+    pub icon: Icon,
+    /// Width of a splat's kernel, in root mean squares of the edges at its vertex.
+    pub size: f64,
+    /// Length of one period of the pattern, in world units; `None`: [`Self::EDGES`] of the mesh's edges.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub length: Option<f64>,
+    /// Opacity of the pattern where it is 1.
+    pub opacity: f64,
+    /// World length that a vector of length 1 moves in a unit of time.
+    pub speed: f64,
+    /// Number of splats, evenly through the volume; `None`: one at each vertex.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub splats: Option<u32>,
+}
+
+impl Default for FlowStyle {
+    fn default() -> Self {
+        Self { icon: Icon::default(), size: 0.5, length: None, opacity: 0.6, speed: 1.0, splats: None }
+    }
+}
+
+impl FlowStyle {
+    /// Edges of the mesh (root mean square) that a period is long by default.
+    pub const EDGES: f64 = 4.0;
+
+    /// Colour of splats without a field: seen on black and on white.
+    pub const COLOR: [f64; 3] = [1.0, 0.5, 0.1];
+
+    /// Checks that all is in range.
+    ///
+    /// # Errors
+    /// If size or length are not above zero and finite, the opacity is not in 0..=1, the speed is negative or not finite, or there is no splat.
+    pub fn check(&self) -> Result<(), String> {
+        let is_length = |length: f64| length > 0.0 && length.is_finite();
+        if !is_length(self.size) {
+            return Err(format!("splats of flow have a size of {}; it must be above zero", self.size));
+        }
+        if let Some(length) = self.length.filter(|length| !is_length(*length)) {
+            return Err(format!("the pattern of flow has a length of {length}; it must be above zero"));
+        }
+        if !(0.0..=1.0).contains(&self.opacity) {
+            return Err(format!("flow has an opacity of {}; it lies between 0 and 1", self.opacity));
+        }
+        if !(self.speed >= 0.0 && self.speed.is_finite()) {
+            return Err(format!("flow has a speed of {}; it must be zero or above", self.speed));
+        }
+        if self.splats == Some(0) {
+            return Err("flow has no splats; choose at least one, or leave their number out".to_owned());
+        }
+        Ok(())
+    }
+}
+
+/// Colours of splats.
+#[derive(Clone, Debug)]
+pub enum FlowColors {
+    /// One for all.
+    One([f64; 3]),
+    /// By a field with one scalar per vertex.
+    Of(FieldBeside),
+}
+
+/// The splats of a frame.
+#[derive(Clone, Debug)]
+pub struct FlowScene {
+    pub(crate) style: FlowStyle,
+    pub(crate) mesh: Arc<Mesh>,
+    /// The components of the vectors, one per vertex.
+    pub(crate) vectors: [Arc<Vec<f32>>; 3],
+    /// The way that each vertex's flow has travelled since the first step: the integral of the vectors' lengths over time.
+    pub(crate) travel: Arc<Vec<f64>>,
+    pub(crate) colors: FlowColors,
+    /// [`Mesh::vertex_shapes`].
+    pub(crate) shapes: Arc<Vec<Symmetric>>,
+    /// Vertices of a cell that is shown.
+    pub(crate) shown: Arc<Vec<bool>>,
+    /// Ascending vertices with a splat; `None`: all.
+    pub(crate) chosen: Option<Arc<Vec<u32>>>,
+    /// Half spaces in which nothing is shown (local coordinates).
+    pub(crate) clips: Vec<Plane>,
+}
+
+impl FlowScene {
+    /// Splats of vectors at the vertices of a mesh, all of them shown.
+    pub fn new(mesh: Arc<Mesh>, style: FlowStyle, vectors: [Arc<Vec<f32>>; 3], travel: Arc<Vec<f64>>) -> Self {
+        let shapes = Arc::new(mesh.vertex_shapes());
+        let shown = Arc::new(vec![true; mesh.positions.local.len()]);
+        let colors = FlowColors::One(FlowStyle::COLOR);
+        Self { style, mesh, vectors, travel, colors, shapes, shown, chosen: None, clips: Vec::new() }
+    }
+
+    /// The splats of some vertices, ascending.
+    pub(in crate::render) fn vertices(&self) -> Vec<u32> {
+        match &self.chosen {
+            Some(chosen) => (**chosen).clone(),
+            None => (0..self.mesh.positions.local.len() as u32).collect(),
+        }
+    }
+
+    /// Length of a period in local units.
+    pub(in crate::render) fn period(&self) -> f64 {
+        match self.style.length {
+            Some(length) => length / self.mesh.positions.scale,
+            None => FlowStyle::EDGES * mean_edge(&self.shapes),
+        }
+    }
+
+    /// The vector at a vertex.
+    pub(in crate::render) fn vector(&self, vertex: u32) -> DVec3 {
+        DVec3::from_array(self.vectors.each_ref().map(|of| f64::from(of[vertex as usize])))
+    }
+
+    /// Whether a vertex may have a splat.
+    pub(in crate::render) fn shows(&self, vertex: u32) -> bool {
+        let at = self.mesh.positions.local[vertex as usize].as_dvec3();
+        self.shown[vertex as usize] && !self.clips.iter().any(|clip| clip.distance(at) > 0.0)
+    }
+
+    /// The colour at a vertex; `None` if its scalar is not finite.
+    pub(in crate::render) fn color(&self, vertex: u32) -> Option<[f64; 3]> {
+        match &self.colors {
+            FlowColors::One(color) => Some(*color),
+            FlowColors::Of(FieldBeside { scalars, colors }) => {
+                let scalar = f64::from(scalars.values()[vertex as usize]);
+                scalar.is_finite().then(|| colors.eval(scalar).rgb)
+            }
+        }
+    }
+
+    /// Where in the pattern a splat's centre is, in periods along and across: by chance at first, and moved on by the flow.
+    pub(in crate::render) fn phase(&self, vertex: u32) -> [f64; 2] {
+        let [along, across] = [0, 1].map(|part| unit(hash(PHASES, 2 * u64::from(vertex) + part)));
+        let way = self.travel[vertex as usize] * self.style.speed / self.mesh.positions.scale;
+        let periods = way / self.period();
+        // What is infinite has no place in the pattern.
+        let moved = if periods.is_finite() { periods - periods.floor() } else { 0.0 };
+        [(along - moved).rem_euclid(1.0), across]
+    }
+
+    /// The fragments of a view in local coordinates, and the number of splats drawn.
+    ///
+    /// # Errors
+    /// If there are more than memory is for.
+    pub(crate) fn fragments(&self, view: &View) -> Result<(LayerFragments, u64), RenderError> {
+        let sums = IconSums::of(self.style.icon);
+        let period = self.period();
+        let seen = |vertex: u32| Splat::of(self, vertex, period, view);
+        let mut splats: Vec<Splat> = self.vertices().into_par_iter().filter_map(seen).collect();
+        splats.par_sort_by(|a, b| a.depth.total_cmp(&b.depth).then(a.vertex.cmp(&b.vertex)));
+        let fragments = rows::fragments(&splats, (&sums, self.style.opacity), view, self.mesh.positions.scale)?;
+        Ok((fragments, splats.len() as u64))
+    }
+}
+
+/// Seed of the places in the pattern.
+const PHASES: u64 = 33;
+
+/// Root mean square of the edges at the vertices; 0 without one.
+fn mean_edge(shapes: &[Symmetric]) -> f64 {
+    let traces = shapes.iter().map(|[xx, _, _, yy, _, zz]| xx + yy + zz);
+    (traces.sum::<f64>() / shapes.len().max(1) as f64).sqrt()
+}
+
+/// Vertices for a number of splats, ascending: evenly through the volume along the order of the vertices, which is that of a curve. Fewer are
+/// a part of more.
+pub(crate) fn chosen(mesh: &Mesh, count: u32) -> Vec<u32> {
+    let vertices = mesh.positions.local.len();
+    if count as usize >= vertices {
+        return (0..vertices as u32).collect();
+    }
+    // A quarter of each cell belongs to each of its vertices.
+    let mut ends = vec![0.0; vertices];
+    for (cell, tet) in mesh.topology.tets.iter().enumerate() {
+        let part = 0.25 * mesh.cell_volume(cell as u32);
+        tet.iter().for_each(|&vertex| ends[vertex as usize] += part);
+    }
+    let mut all = 0.0;
+    ends.iter_mut().for_each(|end| {
+        all += *end;
+        *end = all;
+    });
+    let (mut is_chosen, mut found) = (vec![false; vertices], Vec::with_capacity(count as usize));
+    // Shares of the volume with mirrored digits (van der Corput): any first part of them is spread evenly.
+    let shares = (0u32..).map(|index| f64::from(index.reverse_bits()) * (-32f64).exp2());
+    let by_share = shares.map(|share| ends.partition_point(|end| *end <= share * all).min(vertices - 1));
+    // Large cells hold many shares: what is left over is taken in turn.
+    for vertex in by_share.take(8 * vertices).chain(0..vertices) {
+        if found.len() == count as usize {
+            break;
+        }
+        if !std::mem::replace(&mut is_chosen[vertex], true) {
+            found.push(vertex as u32);
+        }
+    }
+    found.sort_unstable();
+    found
+}

@@ -1,0 +1,197 @@
+//! A vertex's splat on the screen.
+
+use super::{FlowScene, IconSums};
+use crate::camera::View;
+use crate::mesh::Symmetric;
+use glam::{DVec2, DVec3};
+
+/// Distance from the centre, in widths of the kernel, at which a splat ends.
+pub(in crate::render) const END: f64 = 2.5;
+
+/// Variance of a pixel, in pixels squared, by which every splat is wider.
+pub(in crate::render) const PIXEL: f64 = 0.25;
+
+/// Periods per period's length on the screen, at most: below a projected length of 1 / this, patterns are no more compressed but fade.
+pub(in crate::render) const COMPRESSED: f64 = 3.0;
+
+/// A splat on the screen; lengths are in pixels, x to the right and y down.
+#[derive(Clone, Debug)]
+pub(in crate::render) struct Splat {
+    /// Local depth of its centre along the view direction.
+    pub(super) depth: f64,
+    pub(super) vertex: u32,
+    pub(super) center: DVec2,
+    /// The inverse of the covariance: xx, xy, yy.
+    pub(super) form: [f64; 3],
+    /// Half of its extent downwards.
+    pub(super) half_height: f64,
+    /// Direction of the projected vector.
+    along: DVec2,
+    /// Periods per pixel along and across.
+    frequency: [f64; 2],
+    /// Place in the pattern at the centre.
+    phase: [f64; 2],
+    /// Box over which the pattern is averaged: its length, and the level across.
+    width: f64,
+    level: u32,
+    /// How much of the pattern is left where the vector is nearly along the ray.
+    contrast: f64,
+    pub(super) color: [f64; 3],
+}
+
+/// The kernel at a squared distance in widths: a Gaussian that ends at [`END`] without an edge.
+pub(in crate::render) fn window(squared: f64) -> f64 {
+    let least = (-0.5 * END * END).exp();
+    (((-0.5 * squared).exp() - least) / (1.0 - least)).max(0.0)
+}
+
+/// From 0 to 1 without a bend at either end.
+pub(in crate::render) fn smoothstep(at: f64) -> f64 {
+    let at = at.clamp(0.0, 1.0);
+    at * at * (3.0 - 2.0 * at)
+}
+
+impl Splat {
+    /// The splat of a vertex; `None` if there is none, or none in view.
+    pub(super) fn of(scene: &FlowScene, vertex: u32, period: f64, view: &View) -> Option<Self> {
+        let vector = scene.vector(vertex);
+        // The length of a vector of large numbers is not finite in itself.
+        let direction = (vector / vector.abs().max_element()).normalize_or_zero();
+        if !vector.is_finite() || direction == DVec3::ZERO || !scene.shows(vertex) {
+            return None;
+        }
+        let at = view.to_view(scene.mesh.positions.local[vertex as usize].as_dvec3());
+        if at.z <= view.near_depth() {
+            return None;
+        }
+        let screen = Screen::at(view, at);
+        let size = scene.style.size;
+        let shape = scene.shapes[vertex as usize].map(|s| size * size * s);
+        let ([xx, xy, yy], determinant) = screen.covariance(&shape);
+        let [half_width, half_height] = [xx, yy].map(|variance| END * variance.sqrt());
+        let is_beside = |at: f64, half: f64, count: usize| at + half <= 0.0 || at - half >= count as f64;
+        let DVec2 { x, y } = screen.center;
+        if is_beside(x, half_width, view.width_px) || is_beside(y, half_height, view.height_px) {
+            return None;
+        }
+        let form = [yy / determinant, -xy / determinant, xx / determinant];
+        if !(form.iter().all(|f| f.is_finite()) && period > 0.0 && xx.is_finite() && yy.is_finite()) {
+            return None;
+        }
+        let color = scene.color(vertex)?;
+        let projected = screen.project(direction);
+        let length = projected.length();
+        let foreshortening = length / screen.per_unit;
+        let per_period = period * screen.per_unit;
+        let frequency = [foreshortening.recip().min(COMPRESSED) / per_period, per_period.recip()];
+        Some(Self {
+            depth: at.z,
+            vertex,
+            center: screen.center,
+            form,
+            half_height,
+            along: if length > 0.0 { projected / length } else { DVec2::X },
+            frequency,
+            phase: scene.phase(vertex),
+            width: IconSums::width(frequency[0]),
+            level: IconSums::level(frequency[1]),
+            contrast: smoothstep(foreshortening * COMPRESSED),
+            color,
+        })
+    }
+
+    /// The opacity of a pattern of opacity 1 at a place `(dx, dy)` beside the centre, of squared distance `squared` in widths.
+    #[inline]
+    pub(super) fn opacity(&self, [dx, dy]: [f64; 2], squared: f64, sums: &IconSums) -> f64 {
+        let (a, b) = (dx * self.along.x + dy * self.along.y, dx * self.along.y - dy * self.along.x);
+        let [s, t] = [a * self.frequency[0] + self.phase[0], b * self.frequency[1] + self.phase[1]];
+        let pattern = if self.contrast == 0.0 { super::MEAN } else { sums.mean(s, t, self.width, self.level) };
+        window(squared) * (super::MEAN + self.contrast * (pattern - super::MEAN))
+    }
+}
+
+/// The projection around a point, linearised: J takes a small way in space to one on the screen.
+struct Screen {
+    center: DVec2,
+    /// Rows of J, in local coordinates.
+    rows: [DVec3; 2],
+    /// Pixels of a unit of length that faces the viewer.
+    per_unit: f64,
+}
+
+impl Screen {
+    /// Around a point in view coordinates, in front of the eye.
+    fn at(view: &View, at: DVec3) -> Self {
+        let (depth, slope) = if view.perspective { (at.z, 1.0) } else { (1.0, 0.0) };
+        let per_unit = 0.5 * view.width_px as f64 / view.half_width / depth;
+        let (x, y) = (at.x / depth, at.y / depth);
+        // Pixels are squares; the rows of an image go down.
+        let rows =
+            [per_unit * (view.right - slope * x * view.forward), -per_unit * (view.up - slope * y * view.forward)];
+        let center = DVec2::new(
+            0.5 * view.width_px as f64 * (x / view.half_width + 1.0),
+            0.5 * view.height_px as f64 * (1.0 - y / view.half_height),
+        );
+        Self { center, rows, per_unit }
+    }
+
+    fn project(&self, way: DVec3) -> DVec2 {
+        DVec2::new(self.rows[0].dot(way), self.rows[1].dot(way))
+    }
+
+    /// J S J^T and a pixel's variance (xx, xy, yy), and the determinant. A needle keeps it: it is n^T adj(S) n with n the product of J's rows,
+    /// of which no part is negative, not a difference of large numbers.
+    fn covariance(&self, &[xx, xy, xz, yy, yz, zz]: &Symmetric) -> ([f64; 3], f64) {
+        let times = |w: DVec3| {
+            DVec3::new(xx * w.x + xy * w.y + xz * w.z, xy * w.x + yy * w.y + yz * w.z, xz * w.x + yz * w.y + zz * w.z)
+        };
+        let [a, b] = self.rows;
+        let [along, mixed, down] = [a.dot(times(a)), a.dot(times(b)), b.dot(times(b))];
+        let n = a.cross(b);
+        let adjugate = [
+            yy * zz - yz * yz,
+            xz * yz - xy * zz,
+            xy * yz - xz * yy,
+            xx * zz - xz * xz,
+            xy * xz - xx * yz,
+            xx * yy - xy * xy,
+        ];
+        let [axx, axy, axz, ayy, ayz, azz] = adjugate;
+        let turned = DVec3::new(
+            axx * n.x + axy * n.y + axz * n.z,
+            axy * n.x + ayy * n.y + ayz * n.z,
+            axz * n.x + ayz * n.y + azz * n.z,
+        );
+        let determinant = n.dot(turned).max(0.0) + PIXEL * (along.max(0.0) + down.max(0.0)) + PIXEL * PIXEL;
+        ([along.max(0.0) + PIXEL, mixed, down.max(0.0) + PIXEL], determinant)
+    }
+}
+
+#[cfg(test)]
+impl Splat {
+    pub(super) fn pattern(&self) -> (DVec2, [f64; 2]) {
+        (self.along, self.frequency)
+    }
+
+    /// Whether the pattern is not compressed more than it is shown.
+    pub(super) fn is_whole(&self) -> bool {
+        self.contrast == 1.0
+    }
+
+    pub(super) fn contrast(&self) -> f64 {
+        self.contrast
+    }
+
+    pub(super) fn phase(&self) -> [f64; 2] {
+        self.phase
+    }
+
+    pub(super) fn without_fading(self) -> Self {
+        Self { contrast: 1.0, ..self }
+    }
+
+    /// The splat with another place across the pattern.
+    pub(super) fn across(&self, at: f64) -> Self {
+        Self { phase: [self.phase[0], at], ..self.clone() }
+    }
+}

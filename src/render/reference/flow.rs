@@ -1,0 +1,145 @@
+//! The fragments of flow by brute force, in float64: every splat is asked at every pixel, every texel in its box.
+//!
+//! The projection's derivative is that of finite differences, the kernel's form the inverse of a matrix, the pattern a sum over texels: no
+//! tiles, rows, running sums or extents. What a vertex has (vector, colour, place in the pattern) and the constants of docs/flow.md are the
+//! scene's.
+
+use crate::camera::View;
+use crate::render::flow::{COMPRESSED, END, FlowScene, MEAN, PIXEL, TEXELS};
+use crate::render::{LayerFragment, LayerFragments, RenderError};
+use glam::{DMat2, DVec2, DVec3};
+use rayon::prelude::*;
+
+/// All fragments of a view in local coordinates, and the number of splats in front of the eye.
+///
+/// # Errors
+/// If a fragment is out of range.
+pub(crate) fn flow_fragments(scene: &FlowScene, view: &View) -> Result<(LayerFragments, u64), RenderError> {
+    let splats: Vec<Judged> = scene.vertices().into_iter().filter_map(|v| Judged::of(scene, v, view)).collect();
+    let texels = &scene.style.icon.texels();
+    let (width, height) = view.plane_px();
+    let per_unit = scene.mesh.positions.scale;
+    let of_pixel = |place: usize| {
+        let (column, row) = view.pixel_at(place);
+        let at = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
+        let found = splats.iter().filter_map(move |splat| {
+            let alpha = scene.style.opacity * splat.opacity(at, texels);
+            let [r, g, b] = splat.color.map(|c| (c * alpha) as f32);
+            let fragment = LayerFragment { depth: splat.depth * per_unit, rgba: [r, g, b, alpha as f32] };
+            (alpha > 0.0).then_some((place as u32, fragment))
+        });
+        found.collect::<Vec<_>>()
+    };
+    let found: Vec<Vec<(u32, LayerFragment)>> = (0..width * height).into_par_iter().map(of_pixel).collect();
+    Ok((LayerFragments::new(width * height, found.into_iter().flatten())?, splats.len() as u64))
+}
+
+/// Position on the screen of a local point, in pixels.
+fn on_screen(view: &View, at: DVec3) -> DVec2 {
+    let at = view.to_view(at);
+    let depth = if view.perspective { at.z } else { 1.0 };
+    let [x, y] = [at.x / depth / view.half_width, at.y / depth / view.half_height];
+    DVec2::new(0.5 * (1.0 + x) * view.width_px as f64, 0.5 * (1.0 - y) * view.height_px as f64)
+}
+
+struct Judged {
+    depth: f64,
+    center: DVec2,
+    form: DMat2,
+    along: DVec2,
+    per_period: f64,
+    foreshortening: f64,
+    phase: [f64; 2],
+    color: [f64; 3],
+}
+
+impl Judged {
+    fn of(scene: &FlowScene, vertex: u32, view: &View) -> Option<Self> {
+        let (vector, center) = (scene.vector(vertex), scene.mesh.positions.local[vertex as usize].as_dvec3());
+        let depth = view.to_view(center).z;
+        if !vector.is_finite() || vector == DVec3::ZERO || !scene.shows(vertex) || depth <= view.near_depth() {
+            return None;
+        }
+        // A hundred-thousandth of the depth: the third derivative is off by 1e-10, rounding by as much.
+        let step = if view.perspective { 1e-5 * depth } else { 1e-5 };
+        let derivative =
+            |way: DVec3| (on_screen(view, center + step * way) - on_screen(view, center - step * way)) / (2.0 * step);
+        let columns = [DVec3::X, DVec3::Y, DVec3::Z].map(derivative);
+        let [xx, xy, xz, yy, yz, zz] = scene.shapes[vertex as usize];
+        let shape = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+        let mut covariance = DMat2::from_diagonal(DVec2::splat(PIXEL));
+        for (i, j) in (0..9).map(|k| (k / 3, k % 3)) {
+            let (a, b, s) = (columns[i], columns[j], scene.style.size.powi(2) * shape[i][j]);
+            covariance += DMat2::from_cols(a * b.x, a * b.y) * s;
+        }
+        let unit = vector / vector.length();
+        let projected = derivative(unit);
+        // Pixels of a unit across the view direction, at this depth, in the middle of the view.
+        let middle = view.eye + depth * view.forward;
+        let facing = (on_screen(view, middle + view.right) - on_screen(view, middle)).length();
+        let along = if projected.length() > 0.0 { projected.normalize() } else { DVec2::X };
+        Some(Self {
+            depth,
+            center: on_screen(view, center),
+            form: covariance.inverse(),
+            along,
+            per_period: scene.period() * facing,
+            foreshortening: projected.length() / facing,
+            phase: scene.phase(vertex),
+            color: scene.color(vertex)?,
+        })
+    }
+
+    /// The opacity at a place on the screen, of a pattern of opacity 1.
+    fn opacity(&self, at: DVec2, texels: &[[f64; TEXELS]]) -> f64 {
+        let beside = at - self.center;
+        let squared = beside.dot(self.form * beside);
+        let least = (-0.5 * END * END).exp();
+        let window = ((-0.5 * squared).exp() - least) / (1.0 - least);
+        if window.is_nan() || window <= 0.0 {
+            return 0.0;
+        }
+        let x = (self.foreshortening * COMPRESSED).min(1.0);
+        let contrast = x * x * (3.0 - 2.0 * x);
+        let frequency = (1.0 / self.foreshortening).min(COMPRESSED) / self.per_period;
+        let along = beside.dot(self.along);
+        let across = beside.x * self.along.y - beside.y * self.along.x;
+        let (s, t) = (along * frequency + self.phase[0], across / self.per_period + self.phase[1]);
+        let size = TEXELS as f64;
+        let width = (frequency * size).clamp(1.0, size);
+        let mut height = 1.0;
+        while height < (size / self.per_period).min(size) {
+            height *= 2.0;
+        }
+        window * (contrast * mean(texels, [s * size, t * size], [width, height]) + (1.0 - contrast) * MEAN)
+    }
+}
+
+/// The mean of an endless pattern over a box around a place; all in texels.
+fn mean(texels: &[[f64; TEXELS]], [s, t]: [f64; 2], [width, height]: [f64; 2]) -> f64 {
+    let parts = |middle: f64, extent: f64| {
+        let (from, to) = (middle - 0.5 * extent, middle + 0.5 * extent);
+        let each = (from.floor() as i64)..(to.ceil() as i64);
+        each.map(move |i| {
+            (i.rem_euclid(TEXELS as i64) as usize, (to.min(i as f64 + 1.0) - from.max(i as f64)) / extent)
+        })
+    };
+    let row = |row: usize| parts(s, width).map(|(column, share)| share * texels[row][column]).sum::<f64>();
+    parts(t, height).map(|(of, share)| share * row(of)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::flow::Icon;
+
+    #[test]
+    fn the_mean_over_a_box_is_that_of_its_texels() {
+        let texels = Icon::Arrows.texels();
+        let all = mean(&texels, [0.0, 0.0], [64.0, 64.0]);
+        assert!((all - MEAN).abs() < 1e-12);
+        assert_eq!(mean(&texels, [10.5, -63.5], [1.0, 1.0]), texels[0][10]);
+        let two = mean(&texels, [64.0, 3.5], [1.0, 1.0]);
+        assert!((two - 0.5 * (texels[3][63] + texels[3][0])).abs() < 1e-15);
+    }
+}
