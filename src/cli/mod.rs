@@ -9,6 +9,7 @@ mod compare;
 mod demo;
 mod export;
 mod fit;
+mod flow;
 mod import;
 mod info;
 mod manual;

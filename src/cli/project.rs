@@ -254,7 +254,7 @@ mod tests {
     use glam::DVec3;
 
     /// Options of looks, by what they set.
-    const LOOKS: [&str; 17] = [
+    const LOOKS: [&str; 18] = [
         "",
         "--opacity-kind extinction --unit-distance 0.1 --optics partial --backend cpu",
         "--mode havs --lod 0.3 --sampling greedy:9 --k 12 --inexact-order",
@@ -271,6 +271,7 @@ mod tests {
         "--iso=-9:#ff8000/#102030:0.4 --iso=-50:by=velocity:0@gray:0.25 --iso=-120.5:by=velocity:1 --shade vertex --ao",
         "--iso=-30.2 --no-volume --light 1,2,3 --shade-volume --no-smoothing",
         "--cut point=1,2,3_normal=0,0.6,0.8_clip --cut point=0,0,5_normal=1,0,0_field=velocity:2@inferno",
+        "--flow velocity --flow-icon arrows --flow-splats 90 --flow-size 0.7 --flow-length 3 --flow-opacity 0.5 --flow-speed 2 --flow-color velocity:mag@gray",
         "--surface solid:#ff0000:0.5 --surface edges --crop min=-3,-3,-3_max=3,3,9 --parts 0",
     ];
 

@@ -1,6 +1,7 @@
 //! Options for data and look, shared by the commands that render.
 
 use super::Interrupted;
+use super::flow::FlowArgs;
 use super::surfaces::{self, SurfaceArgs};
 use crate::camera::Camera;
 use crate::codec::BlockCache;
@@ -63,6 +64,8 @@ pub(super) struct SceneArgs {
     pub(super) points: PointArgs,
     #[command(flatten)]
     pub(super) sheets: SheetArgs,
+    #[command(flatten)]
+    flow: FlowArgs,
     /// auto (the GPU if there is one), cpu, or gpu
     #[arg(long, value_name = "BACKEND", default_value = "auto")]
     pub(super) backend: Backend,
@@ -386,7 +389,8 @@ impl SceneArgs {
             functions: self.sheets.form(),
             backend: self.backend,
             optics: self.optics,
-            surfaces: self.surfaces.look(series, &look.tf, look.lengths)?,
+            surfaces: self.surfaces.look(series, &look.tf, look.lengths, self.flow.is_some())?,
+            flow: self.flow.look(series, &look.tf, look.lengths)?,
             skip: self.skip,
             ..look
         })

@@ -73,8 +73,14 @@ impl SurfaceArgs {
     }
 
     /// The surfaces of a look: `series` is the field shown, beside which others are opened; `tf` gives its colours to surfaces without
-    /// their own.
-    pub(super) fn look(&self, series: &Series, tf: &TransferFunction, lengths: Lengths) -> anyhow::Result<SurfaceLook> {
+    /// their own, and with flow there is something to be seen without them.
+    pub(super) fn look(
+        &self,
+        series: &Series,
+        tf: &TransferFunction,
+        lengths: Lengths,
+        has_flow: bool,
+    ) -> anyhow::Result<SurfaceLook> {
         let Self { iso, cut, crop, surface, parts, regions, no_volume, .. } = self;
         let Self { shade, shade_volume, light, ao, no_smoothing, .. } = self;
         let mut beside = Beside { series, tf, lengths, found: Vec::new(), colors: Vec::new() };
@@ -98,8 +104,10 @@ impl SurfaceArgs {
         if let Err(error) = surfaces::check(&isosurfaces, &shading) {
             bail!("--iso: {error}");
         }
-        if *no_volume && isosurfaces.is_empty() && surface.is_empty() && cuts.iter().all(|cut| cut.clips) {
-            bail!("--no-volume leaves nothing to be seen; add --iso VALUE, a --cut or --surface, or leave it out");
+        if *no_volume && !has_flow && isosurfaces.is_empty() && surface.is_empty() && cuts.iter().all(|cut| cut.clips) {
+            bail!(
+                "--no-volume leaves nothing to be seen; add --iso VALUE, a --cut, --surface or --flow, or leave it out"
+            );
         }
         let shown = match (isosurfaces.is_empty(), no_volume) {
             (true, false) => Shown::Volume,
@@ -137,25 +145,32 @@ impl Beside<'_> {
         let place = match self.found.iter().position(|found| found == by) {
             Some(place) => place,
             None => {
-                self.colors.push(self.colors(by).with_context(|| format!("colours by '{by}'"))?);
+                let colors = colors_beside(self.series, self.tf, self.lengths, by);
+                self.colors.push(colors.with_context(|| format!("colours by '{by}'"))?);
                 self.found.push(by.clone());
                 self.found.len() - 1
             }
         };
         Ok(Some(u8::try_from(place).context("surfaces have the colours of 256 other fields at most")?))
     }
+}
 
-    fn colors(&self, by: &ByField) -> anyhow::Result<ColorsBeside> {
-        let other = self.series.beside(&by.field)?;
-        let function = match &by.map {
-            Some(map) => TransferFunction::parse(map)?,
-            None => self.tf.clone(),
-        };
-        let range = mapped_range(&other, &RangePolicy::Series, 0.into())?;
-        let content = TransferContent::Function { function, range };
-        let source = TransferSource { content, kind: OpacityKind::Alpha, lengths: self.lengths };
-        Ok(ColorsBeside { field: by.field.to_string(), colors: Arc::new(source.formula()?.colors()?) })
-    }
+/// The colours of a field beside a series; `tf` gives its own to one without a map.
+pub(super) fn colors_beside(
+    series: &Series,
+    tf: &TransferFunction,
+    lengths: Lengths,
+    by: &ByField,
+) -> anyhow::Result<ColorsBeside> {
+    let other = series.beside(&by.field)?;
+    let function = match &by.map {
+        Some(map) => TransferFunction::parse(map)?,
+        None => tf.clone(),
+    };
+    let range = mapped_range(&other, &RangePolicy::Series, 0.into())?;
+    let content = TransferContent::Function { function, range };
+    let source = TransferSource { content, kind: OpacityKind::Alpha, lengths };
+    Ok(ColorsBeside { field: by.field.to_string(), colors: Arc::new(source.formula()?.colors()?) })
 }
 
 /// Checks that all surfaces are visible in a series: [`check_range`] and [`check_cuts`].

@@ -1,8 +1,9 @@
 //! The settings of a look as those of a project.
 
 use super::LookSettings;
-use crate::look::Look;
+use crate::look::{FlowLook, Look};
 use crate::pipeline::{RenderMode, Shown, SurfaceLook, TetDraw};
+use crate::render::flow::FlowStyle;
 use crate::render::functions::SheetSpacing;
 use crate::render::surfaces::{ByField, CutText, IsosurfaceText};
 
@@ -52,7 +53,24 @@ impl LookSettings {
             domain: functions.domain,
             normalise: differing(functions.normalise, usual.functions.normalise),
             camera: Some(look.camera.to_string()),
-            ..Self::of_surfaces(&look.surfaces, &usual.surfaces)
+            ..Self::of_surfaces(&look.surfaces, &usual.surfaces).with_flow(look.flow.as_ref())
+        }
+    }
+
+    /// The settings with those of flow.
+    fn with_flow(self, flow: Option<&FlowLook>) -> Self {
+        let Some(FlowLook { layer, color_by }) = flow else { return self };
+        let (style, usual) = (layer.style, FlowStyle::default());
+        Self {
+            flow: Some(layer.field.clone()),
+            flow_icon: differing(style.icon, usual.icon),
+            flow_splats: style.splats,
+            flow_size: differing(style.size, usual.size),
+            flow_length: style.length,
+            flow_opacity: differing(style.opacity, usual.opacity),
+            flow_speed: differing(style.speed, usual.speed),
+            flow_color: color_by.as_ref().map(ToString::to_string),
+            ..self
         }
     }
 

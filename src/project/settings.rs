@@ -5,6 +5,7 @@ use crate::camera::{Camera, CameraError};
 use crate::field::{FieldSelector, Regions};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode, Representation};
+use crate::render::flow::Icon;
 use crate::render::functions::{FunctionDomain, Normalise};
 use crate::render::points::{Compositing, Footprint};
 use crate::render::surfaces::{CropBox, Light, Normals};
@@ -129,6 +130,30 @@ pub struct LookSettings {
     /// What the sum of values of functions is divided by.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub normalise: Option<Normalise>,
+    /// The field of vectors whose flow is shown.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub flow: Option<String>,
+    /// The pattern along the flow.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub flow_icon: Option<Icon>,
+    /// Number of splats.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub flow_splats: Option<u32>,
+    /// Width of a splat, in edges of the cells at its vertex.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub flow_size: Option<f64>,
+    /// Length of a period of the pattern, world units.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub flow_length: Option<f64>,
+    /// Opacity of the pattern.
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "share")]
+    pub flow_opacity: Option<f64>,
+    /// World length that a vector of length 1 moves in a unit of time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub flow_speed: Option<f64>,
+    /// The field that colours the pattern, and its map, as `--flow-color` has it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub flow_color: Option<String>,
     /// Viewpoint, as `--camera` has it, or the name of a camera.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<String>,

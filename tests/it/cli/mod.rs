@@ -6,6 +6,7 @@ mod connectivity;
 mod export;
 mod export_surfaces;
 mod fit;
+mod flow;
 mod import;
 mod movie;
 mod places;

@@ -1,0 +1,69 @@
+//! Options of flow.
+
+use super::surfaces::colors_beside;
+use crate::look::FlowLook;
+use crate::pipeline::{FlowLayer, Series};
+use crate::render::flow::{FlowStyle, Icon};
+use crate::render::surfaces::ByField;
+use crate::transfer::{Lengths, TransferFunction};
+use anyhow::{Context, anyhow};
+
+/// Options for a field of vectors as textured splats.
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct FlowArgs {
+    /// Show the flow of a field of vectors in motion, as textured splats within the volume, on the CPU (docs/flow.md)
+    #[arg(long, value_name = "FIELD")]
+    flow: Option<String>,
+    /// Pattern along the flow: strokes, lines, particles or arrows
+    #[arg(long, value_name = "ICON", default_value = "strokes", requires = "flow")]
+    flow_icon: Icon,
+    /// Number of splats, evenly through the volume (default: one at each vertex)
+    #[arg(long, value_name = "N", requires = "flow", value_parser = clap::value_parser!(u32).range(1..))]
+    flow_splats: Option<u32>,
+    /// Width of a splat, in edges of the cells at its vertex
+    #[arg(long, value_name = "C", default_value_t = FlowStyle::default().size, requires = "flow", allow_hyphen_values = true)]
+    flow_size: f64,
+    /// Length of a period of the pattern, in world units (default: four edges of the mesh)
+    #[arg(long, value_name = "LENGTH", requires = "flow", allow_hyphen_values = true)]
+    flow_length: Option<f64>,
+    /// Opacity of the pattern, 0 to 1
+    #[arg(long, value_name = "A", default_value_t = FlowStyle::default().opacity, requires = "flow", allow_hyphen_values = true)]
+    flow_opacity: f64,
+    /// World length that a vector of length 1 moves in a unit of the series' time
+    #[arg(long, value_name = "F", default_value_t = FlowStyle::default().speed, requires = "flow", allow_hyphen_values = true)]
+    flow_speed: f64,
+    /// Colours of the pattern by a field: NAME[@MAP] (default: orange)
+    #[arg(long, value_name = "FIELD", requires = "flow")]
+    flow_color: Option<ByField>,
+}
+
+impl FlowArgs {
+    /// Whether there is flow.
+    pub(super) fn is_some(&self) -> bool {
+        self.flow.is_some()
+    }
+
+    /// The flow of a look, if there is some; `tf` gives its colours to a field without a map.
+    pub(super) fn look(
+        &self,
+        series: &Series,
+        tf: &TransferFunction,
+        lengths: Lengths,
+    ) -> anyhow::Result<Option<FlowLook>> {
+        let Some(field) = self.flow.clone() else { return Ok(None) };
+        let style = FlowStyle {
+            icon: self.flow_icon,
+            size: self.flow_size,
+            length: self.flow_length,
+            opacity: self.flow_opacity,
+            speed: self.flow_speed,
+            splats: self.flow_splats,
+        };
+        style.check().map_err(|problem| anyhow!("--flow: {problem}"))?;
+        let by = self.flow_color.as_ref();
+        let colors = by.map(|by| colors_beside(series, tf, lengths, by)).transpose().context("--flow-color")?;
+        let layer = FlowLayer { field, style, colors };
+        layer.check(series).map_err(|error| anyhow!("--{error}"))?;
+        Ok(Some(FlowLook { layer, color_by: self.flow_color.clone() }))
+    }
+}

@@ -1,0 +1,111 @@
+//! Flow on the command line.
+
+use super::Place;
+use super::points::apart;
+use tetreel::image::{Planes, read_exr};
+
+/// A generated tornado of twenty steps: pressure, and velocity with three components.
+fn tornado() -> Place {
+    let place = Place::empty();
+    place.ok(&["synth", "tornado", "--cells", "1500", "--steps", "20", "-o", "t.zarr", "--quiet"]);
+    place
+}
+
+/// A step, drawn with these options.
+fn exr(place: &Place, step: &str, options: &[&str]) -> Planes {
+    let words = ["render", "t.zarr", "--field", "pressure", "--size", "48x36", "--exr", "raw", "-o", "f.exr"];
+    place.ok(&[&words[..], &["--steps", step], options].concat());
+    read_exr(&place.path("f.exr")).unwrap().planes
+}
+
+fn rmse(a: &Planes, b: &Planes) -> f64 {
+    let channels = a.color.pixels.iter().flatten().zip(b.color.pixels.iter().flatten());
+    let (sum, count) = channels.fold((0.0, 0), |(sum, n), (a, b)| (sum + f64::from(a - b).powi(2), n + 1));
+    (sum / f64::from(count)).sqrt()
+}
+
+const FLOW: [&str; 2] = ["--flow", "velocity"];
+
+#[test]
+fn flow_is_drawn_within_the_volume_by_every_renderer_as_the_judge_draws_it() {
+    let place = tornado();
+    let with_flow = |options: &[&str]| exr(&place, "11", &[&FLOW[..], options].concat());
+    let judge = with_flow(&["--mode", "reference"]);
+    for mode in ["raycast", "havs", "points"] {
+        let found = with_flow(&["--mode", mode, "--stats", "s.json"]);
+        assert!(rmse(&found, &judge) <= 1e-5 && apart(&found, &judge) <= 1e-3, "{mode}");
+        let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(place.path("s.json")).unwrap()).unwrap();
+        let count = |name: &str| stats[0]["stats"][name].as_f64().unwrap();
+        assert!(count("flow_splats") > 100.0 && count("flow_fragments") > 1000.0 && count("ms_flow") > 0.0, "{stats}");
+    }
+    let volume = exr(&place, "11", &[]);
+    assert!(apart(&volume, &judge) > 0.05);
+    // Each option changes the picture.
+    let mut seen = vec![volume, judge];
+    for options in [
+        &["--flow-icon", "arrows"][..],
+        &["--flow-splats", "50"],
+        &["--flow-size", "0.8"],
+        &["--flow-length", "2"],
+        &["--flow-opacity", "0.2"],
+        &["--flow-speed", "1.5"],
+        &["--flow-color", "velocity:mag@viridis"],
+        &["--no-volume"],
+    ] {
+        let found = with_flow(options);
+        assert!(seen.iter().all(|other| apart(other, &found) > 1e-3), "{options:?} is another image");
+        seen.push(found);
+    }
+}
+
+#[test]
+fn a_frame_that_was_sought_has_the_bits_of_the_one_that_was_played_and_contrast_decides_nothing() {
+    let place = tornado();
+    let words = ["render", "t.zarr", "--field", "pressure", "--size", "48x36", "--exr", "raw", "--steps", "0..19"];
+    place.ok(&[&words[..], &["-o", "f_%02d.exr"], &FLOW].concat());
+    for step in [0, 9, 16, 19] {
+        let played = read_exr(&place.path(&format!("f_{step:02}.exr"))).unwrap().planes;
+        assert!(exr(&place, &step.to_string(), &FLOW) == played, "{step}");
+    }
+    // Whatever the contrast, rays are cast where splats are.
+    let alone = [&FLOW[..], &["--no-volume"]].concat();
+    let all = exr(&place, "9", &alone);
+    assert!(all.color.pixels.iter().any(|p| p[3] > 0.1));
+    for options in [&["--rays", "adaptive:0.9"][..], &["--threads", "1"], &["--skip", "none"]] {
+        assert!(exr(&place, "9", &[&alone[..], options].concat()) == all, "{options:?}");
+    }
+}
+
+#[test]
+fn flow_is_in_a_project_and_what_cannot_be_shown_is_refused_with_the_remedy() {
+    let place = tornado();
+    let project = "version = 1\n[data]\nsource = \"t.zarr\"\nfield = \"pressure\"\n[look]\nflow = \"velocity\"\n\
+                   flow-icon = \"lines\"\nflow-size = 0.7\nflow-color = \"velocity:mag@viridis\"\n";
+    std::fs::write(place.path("p.toml"), project).unwrap();
+    let size = ["--size", "48x36", "--exr", "raw", "--steps", "4"];
+    place.ok(&[&["render", "p.toml", "-o", "p.exr"], &size[..]].concat());
+    let options = ["--flow-icon", "lines", "--flow-size", "0.7", "--flow-color", "velocity:mag@viridis"];
+    let by_options = exr(&place, "4", &[&FLOW[..], &options].concat());
+    assert!(read_exr(&place.path("p.exr")).unwrap().planes == by_options);
+    for (options, parts) in [
+        (&["--flow", "pressure"][..], &["'pressure'", "three components"][..]),
+        (&["--flow", "wind"], &["'wind'", "velocity"]),
+        (&["--flow", "velocity", "--flow-size", "0"], &["size of 0", "above zero"]),
+        (&["--flow", "velocity", "--flow-length=-1"], &["length of -1"]),
+        (&["--flow", "velocity", "--flow-opacity", "2"], &["opacity of 2"]),
+        (&["--flow", "velocity", "--flow-splats", "0"], &["--flow-splats"]),
+        (&["--flow", "velocity", "--flow-icon", "fish"], &["'fish'", "strokes, lines, particles or arrows"]),
+        (&["--flow", "velocity", "--flow-color", "wind"], &["--flow-color", "'wind'"]),
+        (&["--flow-icon", "lines"], &["required arguments"]),
+        (&["--flow", "velocity", "--backend", "gpu"], &["backend"]),
+    ] {
+        let words = ["render", "t.zarr", "--field", "pressure", "-o", "x.png", "--steps", "1", "--size", "8x8"];
+        place.refuses(&[&words[..], options].concat(), parts);
+        assert!(!place.path("x.png").exists());
+    }
+    std::fs::write(place.path("bad.toml"), project.replace("flow-icon", "flow-icons")).unwrap();
+    place.refuses(&["render", "bad.toml", "-o", "x.png", "--steps", "1"], &["bad.toml", "flow-icons"]);
+    let slab = Place::with_slab();
+    let words = ["render", "slab.zarr", "-o", "x.png", "--steps", "1", "--flow", "velocity"];
+    slab.refuses(&words, &["'velocity'", "constant, linear"]);
+}
