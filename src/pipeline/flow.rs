@@ -6,9 +6,9 @@ use super::travel::{Speeds, Travel};
 use super::{ColorsBeside, FrameTime, PipelineError, RequestError};
 use crate::camera::View;
 use crate::field::{Association, Component, FieldSelector};
-use crate::mesh::{Mesh, Plane, Symmetric};
+use crate::mesh::{Mesh, Plane};
 use crate::render::LayerFragments;
-use crate::render::flow::{self, FlowColors, FlowScene, FlowStyle};
+use crate::render::flow::{self, FlowColors, FlowScene, FlowStyle, Shapes};
 use crate::render::reference::flow_fragments;
 use crate::render::surfaces::FieldBeside;
 use crate::stats::FrameStats;
@@ -37,10 +37,6 @@ impl FlowLayer {
     /// # Errors
     /// If the series has no such vectors at its vertices, or no cells around them.
     pub fn check(&self, series: &Series) -> Result<(), RequestError> {
-        if series.mesh.is_cloud() {
-            let problem = "splats are as wide as the cells around, and the series is of points alone; leave flow out";
-            return Err(RequestError::Flow(problem.to_owned()));
-        }
         components(series, &self.field).map(drop)
     }
 }
@@ -81,7 +77,6 @@ impl DecodeFlow {
         if self.of.as_ptr() != Arc::as_ptr(&series.mesh) || self.field != layer.field {
             *self = Self { field: layer.field.clone(), of: Arc::downgrade(&series.mesh), ..Self::default() };
         }
-        layer.check(series)?;
         let fields = components(series, &layer.field)?;
         let colors = self.colors(series, layer, time, cancel, stats)?;
         let Self { components, travel, .. } = self;
@@ -123,8 +118,12 @@ fn of_cells(field: &str) -> String {
     format!("'{field}' has values of cells, and splats are at vertices; import the series with --cells-to-points")
 }
 
-/// The components of a field of vectors of vertices.
+/// The components of a field of vectors of vertices, with cells around.
 fn components(series: &Series, field: &str) -> Result<[Arc<Series>; 3], RequestError> {
+    if series.mesh.is_cloud() {
+        let problem = "splats are as wide as the cells around, and the series is of points alone; leave flow out";
+        return Err(RequestError::Flow(problem.to_owned()));
+    }
     let component = |index| {
         let selector = FieldSelector { name: field.to_owned(), component: Some(Component::Index(index)) };
         series.beside(&selector)
@@ -154,7 +153,7 @@ fn speeds_of([x, y, z]: &[Arc<Vec<f32>>; 3]) -> Speeds {
 #[derive(Debug, Default)]
 pub(super) struct OrderFlow {
     of: Weak<Mesh>,
-    shapes: Option<Arc<Vec<Symmetric>>>,
+    shapes: Option<Arc<Shapes>>,
     chosen: Option<(u32, Arc<Vec<u32>>)>,
     cells: Weak<CellSet>,
     shown: Arc<Vec<bool>>,
@@ -181,7 +180,7 @@ impl OrderFlow {
             self.shown = Arc::new(vertices_of(mesh, cells));
             self.cells = Arc::downgrade(cells);
         }
-        let shapes = self.shapes.get_or_insert_with(|| Arc::new(mesh.vertex_shapes())).clone();
+        let shapes = self.shapes.get_or_insert_with(|| Arc::new(Shapes::of(mesh))).clone();
         let chosen = values.style.splats.map(|count| match self.chosen.take() {
             Some((of, chosen)) if of == count => (count, chosen),
             _ => (count, Arc::new(flow::chosen(mesh, count))),

@@ -459,7 +459,11 @@ impl Order {
         if let Some(flow) = flow {
             let (cells, view) = ((&series.mesh, &finite), job.local_view());
             let drawn = self.flow.fragments(flow, cells, &clips, (&view, by.is_reference()), &mut job.stats)?;
-            job.fragments = Some(Arc::new(job.fragments.as_ref().map_or(drawn.clone(), |shells| shells.with(&drawn))));
+            let all = match &job.fragments {
+                Some(shells) => shells.with(&drawn),
+                None => drawn,
+            };
+            job.fragments = Some(Arc::new(all));
         }
         job.stats.ms_order = started.elapsed().as_secs_f64() * 1e3;
         let on_image = OnImage::of(request, &job, shading, by);

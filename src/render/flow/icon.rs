@@ -6,6 +6,7 @@ use crate::random::{hash, unit};
 use crate::words::words;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
+use std::sync::OnceLock;
 
 /// Texels along and across.
 pub(in crate::render) const TEXELS: usize = 64;
@@ -112,8 +113,13 @@ pub(in crate::render) struct IconSums {
 }
 
 impl IconSums {
-    /// The sums of an icon.
-    pub(in crate::render) fn of(icon: Icon) -> Self {
+    /// The sums of an icon, made when it is first drawn.
+    pub(in crate::render) fn of(icon: Icon) -> &'static Self {
+        static ALL: [OnceLock<IconSums>; Icon::ALL.len()] = [const { OnceLock::new() }; Icon::ALL.len()];
+        ALL[icon as usize].get_or_init(|| Self::make(icon))
+    }
+
+    fn make(icon: Icon) -> Self {
         let texels = icon.texels();
         let level = |level: u32| {
             let rows = 1usize << level;

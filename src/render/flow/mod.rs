@@ -102,6 +102,24 @@ pub enum FlowColors {
     Of(FieldBeside),
 }
 
+/// How wide the splats of a mesh are.
+#[derive(Debug)]
+pub(crate) struct Shapes {
+    /// [`Mesh::vertex_shapes`].
+    pub(in crate::render) of_vertices: Vec<Symmetric>,
+    /// Root mean square of the edges at the vertices; 0 without one.
+    mean_edge: f64,
+}
+
+impl Shapes {
+    pub(crate) fn of(mesh: &Mesh) -> Self {
+        let of_vertices = mesh.vertex_shapes();
+        let traces = of_vertices.iter().map(|[xx, _, _, yy, _, zz]| xx + yy + zz);
+        let mean_edge = (traces.sum::<f64>() / of_vertices.len().max(1) as f64).sqrt();
+        Self { of_vertices, mean_edge }
+    }
+}
+
 /// The splats of a frame.
 #[derive(Clone, Debug)]
 pub struct FlowScene {
@@ -112,8 +130,7 @@ pub struct FlowScene {
     /// The way that each vertex's flow has travelled since the first step: the integral of the vectors' lengths over time.
     pub(crate) travel: Arc<Vec<f64>>,
     pub(crate) colors: FlowColors,
-    /// [`Mesh::vertex_shapes`].
-    pub(crate) shapes: Arc<Vec<Symmetric>>,
+    pub(crate) shapes: Arc<Shapes>,
     /// Vertices of a cell that is shown.
     pub(crate) shown: Arc<Vec<bool>>,
     /// Ascending vertices with a splat; `None`: all.
@@ -125,7 +142,7 @@ pub struct FlowScene {
 impl FlowScene {
     /// Splats of vectors at the vertices of a mesh, all of them shown.
     pub fn new(mesh: Arc<Mesh>, style: FlowStyle, vectors: [Arc<Vec<f32>>; 3], travel: Arc<Vec<f64>>) -> Self {
-        let shapes = Arc::new(mesh.vertex_shapes());
+        let shapes = Arc::new(Shapes::of(&mesh));
         let shown = Arc::new(vec![true; mesh.positions.local.len()]);
         let colors = FlowColors::One(FlowStyle::COLOR);
         Self { style, mesh, vectors, travel, colors, shapes, shown, chosen: None, clips: Vec::new() }
@@ -143,7 +160,7 @@ impl FlowScene {
     pub(in crate::render) fn period(&self) -> f64 {
         match self.style.length {
             Some(length) => length / self.mesh.positions.scale,
-            None => FlowStyle::EDGES * mean_edge(&self.shapes),
+            None => FlowStyle::EDGES * self.shapes.mean_edge,
         }
     }
 
@@ -184,24 +201,21 @@ impl FlowScene {
     /// # Errors
     /// If there are more than memory is for.
     pub(crate) fn fragments(&self, view: &View) -> Result<(LayerFragments, u64), RenderError> {
-        let sums = IconSums::of(self.style.icon);
-        let period = self.period();
-        let seen = |vertex: u32| Splat::of(self, vertex, period, view);
+        let seen = |vertex: u32| Splat::of(self, vertex, view);
         let mut splats: Vec<Splat> = self.vertices().into_par_iter().filter_map(seen).collect();
         splats.par_sort_by(|a, b| a.depth.total_cmp(&b.depth).then(a.vertex.cmp(&b.vertex)));
-        let fragments = rows::fragments(&splats, (&sums, self.style.opacity), view, self.mesh.positions.scale)?;
+        let fragments = rows::fragments(
+            &splats,
+            (IconSums::of(self.style.icon), self.style.opacity),
+            view,
+            self.mesh.positions.scale,
+        )?;
         Ok((fragments, splats.len() as u64))
     }
 }
 
 /// Seed of the places in the pattern.
 const PHASES: u64 = 33;
-
-/// Root mean square of the edges at the vertices; 0 without one.
-fn mean_edge(shapes: &[Symmetric]) -> f64 {
-    let traces = shapes.iter().map(|[xx, _, _, yy, _, zz]| xx + yy + zz);
-    (traces.sum::<f64>() / shapes.len().max(1) as f64).sqrt()
-}
 
 /// Vertices for a number of splats, ascending: evenly through the volume along the order of the vertices, which is that of a curve. Fewer are
 /// a part of more.

@@ -21,11 +21,12 @@ pub(super) fn fragments(
     view: &View,
     per_unit: f64,
 ) -> Result<LayerFragments, RenderError> {
-    let by_row = splats_by_row(splats, view.height_px);
-    let most: u64 = (0..view.height_px).into_par_iter().map(|row| most_in_row(splats, &by_row, row, view)).sum();
+    // Before anything is listed: a row of a splat without pixels counts as one, since it is listed, too.
+    let most: u64 = splats.par_iter().map(|splat| splat.most_pixels(view)).sum();
     if most > MOST {
         return Err(RenderError::TooMuchFlow { fragments: most, most: MOST });
     }
+    let by_row = splats_by_row(splats, view.height_px);
     let of_row = |row: usize| {
         let mut found = Vec::new();
         for splat in by_row.of(row).iter().map(|&splat| &splats[splat as usize]) {
@@ -69,12 +70,12 @@ fn splats_by_row(splats: &[Splat], height: usize) -> SplatsByRow {
     SplatsByRow { begins, splats: ids }
 }
 
-fn most_in_row(splats: &[Splat], by_row: &SplatsByRow, row: usize, view: &View) -> u64 {
-    let columns = |&splat: &u32| splats[splat as usize].columns(row, view.width_px).len() as u64;
-    by_row.of(row).iter().map(columns).sum()
-}
-
 impl Splat {
+    /// At least as many as its pixels, and its rows.
+    fn most_pixels(&self, view: &View) -> u64 {
+        self.rows(view.height_px).map(|row| self.columns(row, view.width_px).len().max(1) as u64).sum()
+    }
+
     /// The rows with pixels of it.
     fn rows(&self, height: usize) -> Range<usize> {
         pixels(self.center.y, self.half_height, height)

@@ -53,7 +53,7 @@ pub(in crate::render) fn smoothstep(at: f64) -> f64 {
 
 impl Splat {
     /// The splat of a vertex; `None` if there is none, or none in view.
-    pub(super) fn of(scene: &FlowScene, vertex: u32, period: f64, view: &View) -> Option<Self> {
+    pub(super) fn of(scene: &FlowScene, vertex: u32, view: &View) -> Option<Self> {
         let vector = scene.vector(vertex);
         // The length of a vector of large numbers is not finite in itself.
         let direction = (vector / vector.abs().max_element()).normalize_or_zero();
@@ -65,8 +65,8 @@ impl Splat {
             return None;
         }
         let screen = Screen::at(view, at);
-        let size = scene.style.size;
-        let shape = scene.shapes[vertex as usize].map(|s| size * size * s);
+        let (size, period) = (scene.style.size, scene.period());
+        let shape = scene.shapes.of_vertices[vertex as usize].map(|s| size * size * s);
         let ([xx, xy, yy], determinant) = screen.covariance(&shape);
         let [half_width, half_height] = [xx, yy].map(|variance| END * variance.sqrt());
         let is_beside = |at: f64, half: f64, count: usize| at + half <= 0.0 || at - half >= count as f64;

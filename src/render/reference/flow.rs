@@ -65,7 +65,7 @@ impl Judged {
         let derivative =
             |way: DVec3| (on_screen(view, center + step * way) - on_screen(view, center - step * way)) / (2.0 * step);
         let columns = [DVec3::X, DVec3::Y, DVec3::Z].map(derivative);
-        let [xx, xy, xz, yy, yz, zz] = scene.shapes[vertex as usize];
+        let [xx, xy, xz, yy, yz, zz] = scene.shapes.of_vertices[vertex as usize];
         let shape = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
         let mut covariance = DMat2::from_diagonal(DVec2::splat(PIXEL));
         for (i, j) in (0..9).map(|k| (k / 3, k % 3)) {
