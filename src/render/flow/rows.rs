@@ -72,12 +72,12 @@ fn splats_by_row(splats: &[Splat], height: usize) -> SplatsByRow {
 
 impl Splat {
     /// At least as many as its pixels, and its rows.
-    fn most_pixels(&self, view: &View) -> u64 {
+    pub(super) fn most_pixels(&self, view: &View) -> u64 {
         self.rows(view.height_px).map(|row| self.columns(row, view.width_px).len().max(1) as u64).sum()
     }
 
     /// The rows with pixels of it.
-    fn rows(&self, height: usize) -> Range<usize> {
+    pub(super) fn rows(&self, height: usize) -> Range<usize> {
         pixels(self.center.y, self.half_height, height)
     }
 

@@ -242,6 +242,25 @@ fn what_is_not_finite_hidden_or_without_a_way_has_no_splat() {
 }
 
 #[test]
+fn what_is_limited_is_at_least_what_is_listed() {
+    let mesh = mesh(4);
+    for size in [0.01, 0.5, 30.0] {
+        for camera in cameras(&mesh) {
+            let scene = scene(&mesh, FlowStyle { size, ..FlowStyle::default() }, vortex);
+            let view = local_view(&mesh, &camera, (40, 32));
+            let splats = scene.vertices().into_iter().filter_map(|vertex| Splat::of(&scene, vertex, &view));
+            let (mut rows, mut limited) = (0, 0);
+            for splat in splats {
+                rows += splat.rows(view.height_px).len() as u64;
+                limited += splat.most_pixels(&view);
+            }
+            let fragments = scene.fragments(&view).unwrap().0.count() as u64;
+            assert!(limited >= rows && limited >= fragments && fragments > 0, "{size}: {limited} {rows} {fragments}");
+        }
+    }
+}
+
+#[test]
 fn more_fragments_than_memory_is_for_are_refused() {
     let mesh = mesh(8);
     // Each of 729 splats covers the image.
