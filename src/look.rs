@@ -68,6 +68,19 @@ pub struct FlowLook {
     pub layer: FlowLayer,
     /// The field and the map of its colours, by name.
     pub color_by: Option<ByField>,
+    /// The time of the series a second with which it goes on while a moment is held; `None`: [`FlowLayer::usual_rate`].
+    pub rate: Option<f64>,
+}
+
+impl FlowLook {
+    /// Checks a rate.
+    ///
+    /// # Errors
+    /// If it is negative or not finite.
+    pub fn check_rate(rate: f64) -> Result<(), String> {
+        let is_right = rate >= 0.0 && rate.is_finite();
+        is_right.then_some(()).ok_or_else(|| format!("flow has a rate of {rate}; it must be zero or above"))
+    }
 }
 
 /// Which ensembles of a project are shown.

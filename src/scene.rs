@@ -176,6 +176,23 @@ impl Scene {
         self.request_at(time, time.time(self.pipeline.times()))
     }
 
+    /// A request of a step that has been held for `since_s` seconds, with frames of `frame_s` seconds: its flow has gone on. Chooses the
+    /// look's rate of flow if it has none.
+    ///
+    /// # Errors
+    /// If the vectors cannot be read, or the scene is cancelled.
+    pub fn holding(&mut self, request: FrameRequest, since_s: f64, frame_s: f64) -> Result<FrameRequest, SceneError> {
+        let Some(flow) = &mut self.look.flow else { return Ok(request) };
+        let rate = match flow.rate {
+            Some(rate) => rate,
+            None => {
+                let usual = flow.layer.usual_rate(self.pipeline.series(), frame_s.recip(), &self.cancel)?;
+                *flow.rate.insert(usual.ok_or(SceneError::Cancelled)?)
+            }
+        };
+        Ok(request.holding(rate * since_s, rate * frame_s))
+    }
+
     /// The request for `time` of the series, with the project's timeline at `at`, in the unit of the series.
     ///
     /// # Errors

@@ -32,6 +32,10 @@ pub(super) struct FlowArgs {
     /// World length that a vector of length 1 moves in a unit of the series' time
     #[arg(long, value_name = "F", default_value_t = FlowStyle::default().speed, requires = "flow", allow_hyphen_values = true)]
     flow_speed: f64,
+    /// Time of the series a second with which the flow goes on while a step is held (default: nine tenths of the volume move by less than a
+    /// quarter of a period a frame)
+    #[arg(long, value_name = "R", requires = "flow", allow_hyphen_values = true)]
+    flow_rate: Option<f64>,
     /// Colours of the pattern by a field: NAME[@MAP] (default: orange)
     #[arg(long, value_name = "FIELD", requires = "flow")]
     flow_color: Option<ByField>,
@@ -60,10 +64,11 @@ impl FlowArgs {
             splats: self.flow_splats,
         };
         style.check().map_err(|problem| anyhow!("--flow: {problem}"))?;
+        self.flow_rate.map_or(Ok(()), FlowLook::check_rate).map_err(|problem| anyhow!("--flow: {problem}"))?;
         let by = self.flow_color.as_ref();
         let colors = by.map(|by| colors_beside(series, tf, lengths, by)).transpose().context("--flow-color")?;
-        let layer = FlowLayer { field, style, colors };
+        let layer = FlowLayer { colors, ..FlowLayer::new(field, style) };
         layer.check(series).map_err(|error| anyhow!("--{error}"))?;
-        Ok(Some(FlowLook { layer, color_by: self.flow_color.clone() }))
+        Ok(Some(FlowLook { layer, color_by: self.flow_color.clone(), rate: self.flow_rate }))
     }
 }

@@ -5,10 +5,11 @@ use super::steps::{StepCache, StepCaches};
 use super::travel::{Speeds, Travel};
 use super::{ColorsBeside, FrameTime, PipelineError, RequestError};
 use crate::camera::View;
+use crate::error::FileError;
 use crate::field::{Association, Component, FieldSelector};
 use crate::mesh::{Mesh, Plane};
 use crate::render::LayerFragments;
-use crate::render::flow::{self, FlowColors, FlowScene, FlowStyle, Shapes};
+use crate::render::flow::{self, FlowColors, FlowScene, FlowStyle, HeldFlow, Shapes};
 use crate::render::reference::flow_fragments;
 use crate::render::surfaces::FieldBeside;
 use crate::stats::FrameStats;
@@ -29,9 +30,56 @@ pub struct FlowLayer {
     /// The field and colour table that colour them; `None`: [`FlowStyle::COLOR`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colors: Option<ColorsBeside>,
+    /// The time for which the flow of the frame's moment has gone on, in the series' unit: patterns drift while the moment is held.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub held: f64,
+    /// The time over which patterns are averaged, in the series' unit: that until the next frame, while the moment is held. What is too fast
+    /// for the frame rate is then blurred, and does not seem to run backwards.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub shutter: f64,
+}
+
+fn is_zero(time: &f64) -> bool {
+    *time == 0.0
 }
 
 impl FlowLayer {
+    /// The flow of a field.
+    pub fn new(field: String, style: FlowStyle) -> Self {
+        Self { field, style, colors: None, held: 0.0, shutter: 0.0 }
+    }
+
+    /// Why it cannot be drawn, whatever the series holds.
+    pub(super) fn check_style(&self) -> Result<(), String> {
+        self.style.check()?;
+        for (name, time) in [("is held for a time", self.held), ("has a shutter", self.shutter)] {
+            if !(time >= 0.0 && time.is_finite()) {
+                return Err(format!("flow {name} of {time}; it must be zero or above"));
+            }
+        }
+        Ok(())
+    }
+
+    /// The time of the series a second with which the flow of a held moment goes on, if none is chosen: nine tenths of the volume, over some
+    /// steps of the whole series, move by less than a quarter of a period from one of `fps` frames a second to the next. 1 where nothing flows.
+    /// `None` if `cancel` was raised.
+    ///
+    /// # Errors
+    /// If the series has no such vectors, or none of them can be read.
+    pub fn usual_rate(&self, series: &Series, fps: f64, cancel: &Cancel) -> Result<Option<f64>, PipelineError> {
+        let selector = FieldSelector { name: self.field.clone(), component: Some(Component::Magnitude) };
+        let speeds = series.beside(&selector).map_err(|error| none(&self.field, error))?;
+        let Some(speeds) = speeds.distribution(cancel)? else { return Ok(None) };
+        let speed =
+            [0.9, 1.0].map(|share| speeds.value_at(share).map_or(0.0, f64::from)).into_iter().find(|&v| v > 0.0);
+        let period = match self.style.length {
+            Some(length) => length,
+            None => flow::usual_period(&series.mesh) * series.mesh.positions.scale,
+        };
+        let rate = flow::FOLLOWED * period * fps / (speed.unwrap_or(0.0) * self.style.speed);
+        Ok(Some(if rate.is_finite() { rate } else { 1.0 }))
+    }
+
     /// Why a series cannot show it.
     ///
     /// # Errors
@@ -45,6 +93,7 @@ impl FlowLayer {
 #[derive(Clone, Debug)]
 pub(super) struct FlowValues {
     style: FlowStyle,
+    held: HeldFlow,
     vectors: [Arc<Vec<f32>>; 3],
     travel: Arc<Vec<f64>>,
     colors: FlowColors,
@@ -91,7 +140,8 @@ impl DecodeFlow {
         let mut speeds = |step: usize| Ok::<_, PipelineError>(vectors(step.into())?.map(|vectors| speeds_of(&vectors)));
         let travel = travel.at(&series.times, time, &mut speeds)?.ok_or(PipelineError::Cancelled)?;
         let vectors = vectors(time)?.ok_or(PipelineError::Cancelled)?;
-        Ok(FlowValues { style: layer.style, vectors, travel, colors })
+        let held = HeldFlow { time: layer.held, shutter: layer.shutter };
+        Ok(FlowValues { style: layer.style, held, vectors, travel, colors })
     }
 
     fn colors(
@@ -128,16 +178,19 @@ fn components(series: &Series, field: &str) -> Result<[Arc<Series>; 3], RequestE
         let selector = FieldSelector { name: field.to_owned(), component: Some(Component::Index(index)) };
         series.beside(&selector)
     };
-    let none = |error| {
-        RequestError::Flow(format!(
-            "'{field}' is no field of vectors with three components: {error}; choose one that the source has as a vector, whose components are imported unless --field names others"
-        ))
-    };
-    let found = [component(0).map_err(none)?, component(1).map_err(none)?, component(2).map_err(none)?];
+    let component = |index| component(index).map_err(|error| none(field, error));
+    let found = [component(0)?, component(1)?, component(2)?];
     match found[0].values_of() {
         Association::Cell => Err(RequestError::Flow(of_cells(field))),
         Association::Point => Ok(found),
     }
+}
+
+/// The error of a series without such vectors.
+fn none(field: &str, error: FileError) -> RequestError {
+    RequestError::Flow(format!(
+        "'{field}' is no field of vectors with three components: {error}; choose one that the source has as a vector, whose components are imported unless --field names others"
+    ))
 }
 
 /// The lengths of vectors; 0 where they are not finite.
@@ -186,21 +239,23 @@ impl OrderFlow {
             _ => (count, Arc::new(flow::chosen(mesh, count))),
         });
         self.chosen.clone_from(&chosen);
-        let FlowValues { style, vectors, travel, colors } = values;
+        let FlowValues { style, held, vectors, travel, colors } = values;
         let scene = FlowScene {
             style,
             mesh: mesh.clone(),
             vectors,
             travel,
+            held,
             colors,
             shapes,
             shown: self.shown.clone(),
             chosen: chosen.map(|(_, chosen)| chosen),
             clips: clips.to_vec(),
         };
-        let (fragments, splats) =
+        let (fragments, counts) =
             if is_judged { flow_fragments(&scene, local_view)? } else { scene.fragments(local_view)? };
-        (stats.flow_splats, stats.flow_fragments) = (splats, fragments.count() as u64);
+        (stats.flow_splats, stats.flow_fast) = (counts.splats, counts.fast);
+        stats.flow_fragments = fragments.count() as u64;
         stats.ms_flow = started.elapsed().as_secs_f64() * 1e3;
         Ok(fragments)
     }

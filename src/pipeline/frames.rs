@@ -129,6 +129,9 @@ impl FrameCache {
 
     /// The cached frame of a request, if there is one.
     pub(super) fn get(&mut self, series: &Arc<Series>, request: &FrameRequest) -> Option<SharedFrame> {
+        if request.holds_flow() {
+            return None;
+        }
         self.turn_to(series, request);
         if !request.skip.unchanged {
             return None;
@@ -141,9 +144,9 @@ impl FrameCache {
         self.frames.iter().find(|(kept, _)| kept.time == request.time).map(|(_, frame)| frame.clone())
     }
 
-    /// Caches a frame if it is new, fits, and depends on no other frame.
+    /// Caches a frame if it is new, fits, depends on no other frame, and may come again.
     pub(super) fn put(&mut self, series: &Arc<Series>, request: &FrameRequest, frame: &SharedFrame) {
-        if request.residual.is_some() {
+        if request.residual.is_some() || request.holds_flow() {
             return;
         }
         self.turn_to(series, request);

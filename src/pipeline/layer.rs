@@ -60,7 +60,7 @@ impl Layer {
     pub(super) fn check(&self) -> Result<(), String> {
         match self {
             Self::Tets(layer) => layer.check(),
-            Self::Flow(layer) => layer.style.check(),
+            Self::Flow(layer) => layer.check_style(),
         }
     }
 }

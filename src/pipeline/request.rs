@@ -98,6 +98,21 @@ impl FrameRequest {
         }
     }
 
+    /// Whether it shows a moment that is held while its flow goes on. Such a frame does not come again.
+    pub(super) fn holds_flow(&self) -> bool {
+        self.layers.iter().any(|layer| layer.flow().is_some_and(|flow| flow.held > 0.0))
+    }
+
+    /// The request with the flow of its moment gone on for a time, in the series' unit, averaged over that between two frames; as it is
+    /// without flow.
+    #[must_use]
+    pub fn holding(mut self, held: f64, shutter: f64) -> Self {
+        if let Some(Layer::Flow(flow)) = self.layers.iter_mut().find(|layer| layer.flow().is_some()) {
+            (flow.held, flow.shutter) = (held, shutter);
+        }
+        self
+    }
+
     /// The request with its layer of cells changed, if there is one.
     #[must_use]
     pub fn with_tets(mut self, change: impl FnOnce(&mut TetLayer)) -> Self {

@@ -59,7 +59,7 @@ impl LookSettings {
 
     /// The settings with those of flow.
     fn with_flow(self, flow: Option<&FlowLook>) -> Self {
-        let Some(FlowLook { layer, color_by }) = flow else { return self };
+        let Some(FlowLook { layer, color_by, rate }) = flow else { return self };
         let (style, usual) = (layer.style, FlowStyle::default());
         Self {
             flow: Some(layer.field.clone()),
@@ -69,6 +69,7 @@ impl LookSettings {
             flow_length: style.length,
             flow_opacity: differing(style.opacity, usual.opacity),
             flow_speed: differing(style.speed, usual.speed),
+            flow_rate: *rate,
             flow_color: color_by.as_ref().map(ToString::to_string),
             ..self
         }

@@ -151,6 +151,9 @@ pub struct LookSettings {
     /// World length that a vector of length 1 moves in a unit of time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flow_speed: Option<f64>,
+    /// Time of the series a second with which the flow of a held step goes on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub flow_rate: Option<f64>,
     /// The field that colours the pattern, and its map, as `--flow-color` has it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flow_color: Option<String>,

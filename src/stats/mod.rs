@@ -46,7 +46,9 @@ pub struct FrameStats {
     pub points_enlarged: u64,
     /// Splats of flow in view.
     pub flow_splats: u64,
-    /// Pixels that they cover, each counted once a splat.
+    /// Splats of them whose pattern moves by more than a quarter of its period while the shutter is open, which blurs it.
+    pub flow_fast: u64,
+    /// Pixels that splats cover, each counted once a splat.
     pub flow_fragments: u64,
     /// Milliseconds for the fragments of flow, a part of `ms_order`.
     pub ms_flow: f64,

@@ -3,6 +3,7 @@
 use crate::export::movie::FrameRate;
 use crate::export::run::{Times, parse_angle, parse_duration, parse_times};
 use crate::ingest::StepRange;
+use anyhow::bail;
 
 /// Options for the times shown.
 #[derive(Debug, Default, clap::Args)]
@@ -20,6 +21,10 @@ pub(super) struct TimeArgs {
     /// Each shows the last step that its time has reached
     #[arg(long, value_name = "S", value_parser = parse_duration, allow_hyphen_values = true)]
     duration: Option<f64>,
+    /// Hold the step of --steps for S seconds while its flow goes on (--flow-rate), as --duration does
+    #[arg(long, value_name = "S", value_parser = parse_duration, allow_hyphen_values = true)]
+    #[arg(requires = "flow", conflicts_with_all = ["duration", "times"])]
+    flow_hold: Option<f64>,
     /// With --duration: between two steps, interpolate the scalars linearly in time
     #[arg(long)]
     interpolate: bool,
@@ -30,13 +35,21 @@ pub(super) struct TimeArgs {
 }
 
 impl TimeArgs {
+    /// Refuses to hold several steps.
+    pub(super) fn check(&self) -> anyhow::Result<()> {
+        if self.flow_hold.is_some() && self.steps.last != Some(self.steps.first) {
+            bail!("--flow-hold holds one step; choose it with --steps N");
+        }
+        Ok(())
+    }
+
     /// The times of these options.
     pub(super) fn times(&self) -> Times {
         Times {
             steps: self.steps,
             range: self.times,
             rate: self.fps,
-            duration_s: self.duration,
+            duration_s: self.duration.or(self.flow_hold),
             interpolate: self.interpolate,
             turntable_deg: self.turntable,
         }

@@ -1,6 +1,6 @@
 //! Rendering and writing the frames of a plan.
 
-use super::plan::{Plan, PlannedFrame};
+use super::plan::{Held, Plan, PlannedFrame};
 use super::resume::{self, Fingerprints, Found};
 use super::sink::Sink;
 use super::{FrameRecord, Origin, Run, RunError, attributes_of};
@@ -233,9 +233,12 @@ pub fn picture(
     Ok(image)
 }
 
-/// The request of a frame, with its time and turntable angle.
+/// The request of a frame, with its time, turntable angle and flow.
 fn request_for(scene: &mut Scene, planned: &PlannedFrame) -> Result<FrameRequest, RunError> {
     let mut request = scene.request_at(planned.time, planned.at)?;
+    if let Some(Held { since_s, frame_s }) = planned.held {
+        request = scene.holding(request, since_s, frame_s)?;
+    }
     if planned.azimuth_deg != 0.0 {
         request.camera = request.camera.orbit(planned.azimuth_deg, 0.0)?;
     }

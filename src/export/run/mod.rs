@@ -12,7 +12,7 @@ mod target;
 pub use frames::picture;
 pub use memory::check_memory;
 pub use options::{Naming, OptionsError, RunOptions, SIZE_MAX_PX, parse_size};
-pub use plan::{Plan, PlanError, PlannedFrame, Times, parse_angle, parse_duration, parse_times};
+pub use plan::{Held, Plan, PlanError, PlannedFrame, Times, parse_angle, parse_duration, parse_times};
 pub use target::{Target, pattern_in};
 
 use super::Written;

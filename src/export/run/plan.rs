@@ -74,6 +74,17 @@ pub struct PlannedFrame {
     pub at: f64,
     /// Turntable angle in degrees.
     pub azimuth_deg: f64,
+    /// Where all frames show one step, for how long that has been held: its flow goes on meanwhile.
+    pub held: Option<Held>,
+}
+
+/// A step that is held.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Held {
+    /// Seconds since the first frame.
+    pub since_s: f64,
+    /// Seconds that a frame lasts.
+    pub frame_s: f64,
 }
 
 /// The planned frames of a run.
@@ -93,7 +104,7 @@ impl Plan {
     pub fn of_steps(steps: &[usize], times: &TimeAxis) -> Self {
         let frame = |&step: &usize| {
             let time = FrameTime::from(step);
-            PlannedFrame { time, at: time.time(times), azimuth_deg: 0.0 }
+            PlannedFrame { time, at: time.time(times), azimuth_deg: 0.0, held: None }
         };
         Self { frames: steps.iter().map(frame).collect(), steps: steps.to_vec() }
     }
@@ -185,13 +196,15 @@ impl Times {
         if begin.is_nan() || end.is_nan() || begin > end {
             return Err(PlanError::NoTime { range: (from, to), extent: covered });
         }
-        let mut frames = Vec::with_capacity(count);
+        let (mut frames, frame_s) = (Vec::with_capacity(count), self.rate().per_second().recip());
+        let is_held = selected.len() == 1 && count > 1;
         for n in 0..count {
             let share = if count > 1 { n as f64 / (count - 1) as f64 } else { 0.0 };
             // Exact at both ends, and without a difference that could overflow.
             let at = begin * (1.0 - share) + end * share;
             if let Some(time) = FrameTime::at(times, selected, at, self.interpolate) {
-                frames.push(PlannedFrame { time, at, azimuth_deg: 0.0 });
+                let held = is_held.then_some(Held { since_s: n as f64 * frame_s, frame_s });
+                frames.push(PlannedFrame { time, at, azimuth_deg: 0.0, held });
             }
         }
         let shown = frames.iter().flat_map(|f| [Some(f.time.step()), f.time.toward().map(|(next, _)| next)]);
@@ -283,11 +296,16 @@ mod tests {
         let args = Times { duration_s: Some(4.0), ..one_step };
         let plan = args.plan(&times()).unwrap();
         assert_eq!(plan.frames.len(), 100);
-        assert_eq!(plan.frames[25], PlannedFrame { time: 2.into(), at: 0.3, azimuth_deg: 90.0 });
+        assert_eq!(
+            plan.frames[25],
+            PlannedFrame { time: 2.into(), at: 0.3, azimuth_deg: 90.0, held: plan.frames[25].held }
+        );
+        assert_eq!(plan.frames[25].held, Some(Held { since_s: 1.0, frame_s: 0.04 }));
         assert_eq!((plan.frames[0].azimuth_deg, plan.frames[99].azimuth_deg), (0.0, 356.4));
         let args = Times { turntable_deg: Some(-50.0), ..Default::default() };
         let angles: Vec<f64> = args.plan(&times()).unwrap().frames.iter().map(|f| f.azimuth_deg).collect();
         assert_eq!(angles, [-0.0, -10.0, -20.0, -30.0, -40.0]);
+        assert!(args.plan(&times()).unwrap().frames.iter().all(|frame| frame.held.is_none()));
     }
 
     #[test]

@@ -129,6 +129,8 @@ pub struct FlowScene {
     pub(crate) vectors: [Arc<Vec<f32>>; 3],
     /// The way that each vertex's flow has travelled since the first step: the integral of the vectors' lengths over time.
     pub(crate) travel: Arc<Vec<f64>>,
+    /// The time after that for which each vector's flow has gone on, and the time over which the pattern is averaged.
+    pub(crate) held: HeldFlow,
     pub(crate) colors: FlowColors,
     pub(crate) shapes: Arc<Shapes>,
     /// Vertices of a cell that is shown.
@@ -145,7 +147,8 @@ impl FlowScene {
         let shapes = Arc::new(Shapes::of(&mesh));
         let shown = Arc::new(vec![true; mesh.positions.local.len()]);
         let colors = FlowColors::One(FlowStyle::COLOR);
-        Self { style, mesh, vectors, travel, colors, shapes, shown, chosen: None, clips: Vec::new() }
+        let held = HeldFlow::default();
+        Self { style, mesh, vectors, travel, held, colors, shapes, shown, chosen: None, clips: Vec::new() }
     }
 
     /// The splats of some vertices, ascending.
@@ -189,18 +192,27 @@ impl FlowScene {
     /// Where in the pattern a splat's centre is, in periods along and across: by chance at first, and moved on by the flow.
     pub(in crate::render) fn phase(&self, vertex: u32) -> [f64; 2] {
         let [along, across] = [0, 1].map(|part| unit(hash(PHASES, 2 * u64::from(vertex) + part)));
-        let way = self.travel[vertex as usize] * self.style.speed / self.mesh.positions.scale;
-        let periods = way / self.period();
+        let periods = self.periods(self.travel[vertex as usize] + self.held.time * self.vector(vertex).length());
         // What is infinite has no place in the pattern.
         let moved = if periods.is_finite() { periods - periods.floor() } else { 0.0 };
         [(along - moved).rem_euclid(1.0), across]
     }
 
-    /// The fragments of a view in local coordinates, and the number of splats drawn.
+    /// Periods of the pattern that pass a splat's centre while the shutter is open.
+    pub(in crate::render) fn blur(&self, vertex: u32) -> f64 {
+        self.periods(self.held.shutter * self.vector(vertex).length())
+    }
+
+    /// Periods in a way that the flow has travelled.
+    fn periods(&self, way: f64) -> f64 {
+        way * self.style.speed / self.mesh.positions.scale / self.period()
+    }
+
+    /// The fragments of a view in local coordinates.
     ///
     /// # Errors
     /// If there are more than memory is for.
-    pub(crate) fn fragments(&self, view: &View) -> Result<(LayerFragments, u64), RenderError> {
+    pub(crate) fn fragments(&self, view: &View) -> Result<(LayerFragments, FlowCounts), RenderError> {
         let seen = |vertex: u32| Splat::of(self, vertex, view);
         let mut splats: Vec<Splat> = self.vertices().into_par_iter().filter_map(seen).collect();
         splats.par_sort_by(|a, b| a.depth.total_cmp(&b.depth).then(a.vertex.cmp(&b.vertex)));
@@ -210,12 +222,46 @@ impl FlowScene {
             view,
             self.mesh.positions.scale,
         )?;
-        Ok((fragments, splats.len() as u64))
+        let fast = splats.iter().filter(|splat| FlowCounts::is_fast(splat.blur)).count() as u64;
+        Ok((fragments, FlowCounts { splats: splats.len() as u64, fast }))
     }
 }
 
+/// A moment that is held while its flow goes on, in the series' unit of time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct HeldFlow {
+    /// Time since the moment.
+    pub(crate) time: f64,
+    /// Time over which the pattern is averaged: that between two frames.
+    pub(crate) shutter: f64,
+}
+
+/// The splats of a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct FlowCounts {
+    /// Those in view.
+    pub(crate) splats: u64,
+    /// Those of them whose pattern moves by more than a quarter of its period while the shutter is open.
+    pub(crate) fast: u64,
+}
+
+impl FlowCounts {
+    /// Whether a pattern that moves by so many periods from one frame to the next is too fast to be followed.
+    pub(in crate::render) fn is_fast(periods: f64) -> bool {
+        periods > FOLLOWED
+    }
+}
+
+/// Periods between two frames up to which a pattern is seen to move: beyond a half it would run backwards.
+pub(crate) const FOLLOWED: f64 = 0.25;
+
 /// Seed of the places in the pattern.
 const PHASES: u64 = 33;
+
+/// The usual length of a period, in local units.
+pub(crate) fn usual_period(mesh: &Mesh) -> f64 {
+    FlowStyle::EDGES * Shapes::of(mesh).mean_edge
+}
 
 /// Vertices for a number of splats, ascending: evenly through the volume along the order of the vertices, which is that of a curve. Fewer are
 /// a part of more.

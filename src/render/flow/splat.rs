@@ -31,7 +31,9 @@ pub(in crate::render) struct Splat {
     frequency: [f64; 2],
     /// Place in the pattern at the centre.
     phase: [f64; 2],
-    /// Box over which the pattern is averaged: its length, and the level across.
+    /// Periods of the pattern that pass the centre while the shutter is open.
+    pub(super) blur: f64,
+    /// Box over which the pattern is averaged, a pixel and the blur: its length, and the level across.
     width: f64,
     level: u32,
     /// How much of the pattern is left where the vector is nearly along the ray.
@@ -84,6 +86,7 @@ impl Splat {
         let foreshortening = length / screen.per_unit;
         let per_period = period * screen.per_unit;
         let frequency = [foreshortening.recip().min(COMPRESSED) / per_period, per_period.recip()];
+        let blur = scene.blur(vertex);
         Some(Self {
             depth: at.z,
             vertex,
@@ -93,7 +96,8 @@ impl Splat {
             along: if length > 0.0 { projected / length } else { DVec2::X },
             frequency,
             phase: scene.phase(vertex),
-            width: IconSums::width(frequency[0]),
+            blur,
+            width: IconSums::width(frequency[0] + blur),
             level: IconSums::level(frequency[1]),
             contrast: smoothstep(foreshortening * COMPRESSED),
             color,

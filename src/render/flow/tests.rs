@@ -62,13 +62,15 @@ fn image(renderer: &mut dyn Renderer, job: &RenderJob, fragments: LayerFragments
 fn splats_in_a_volume_agree_with_the_judge() {
     let mesh = mesh(4);
     let icons = Icon::ALL.into_iter().cycle();
-    for (icon, camera) in icons.zip(cameras(&mesh)) {
-        let scene = scene(&mesh, FlowStyle { icon, ..FlowStyle::default() }, vortex);
+    for (number, (icon, camera)) in icons.zip(cameras(&mesh)).enumerate() {
+        // Two of them are held, with some patterns blurred over more than a period.
+        let held = if number < 2 { HeldFlow::default() } else { HeldFlow { time: 7.0, shutter: 0.8 } };
+        let scene = FlowScene { held, ..scene(&mesh, FlowStyle { icon, ..FlowStyle::default() }, vortex) };
         let job = job(&mesh, &camera, (40, 32));
         let view = job.local_view();
         let [(found, drawn), (judged, asked)] =
             [scene.fragments(&view).unwrap(), flow_fragments(&scene, &view).unwrap()];
-        assert!(drawn > 10 && drawn <= asked && found.count() > 1000);
+        assert!(drawn.splats > 10 && drawn.splats <= asked.splats && found.count() > 1000);
         let expected = image(&mut Reference::new(), &job, judged);
         let compared = difference(&image(&mut Raycast::new(), &job, found), &expected);
         assert!(is_within(compared), "{icon}: {compared:?}");
@@ -214,7 +216,7 @@ fn the_average_over_a_period_does_not_pulse() {
 fn what_is_not_finite_hidden_or_without_a_way_has_no_splat() {
     let mesh = mesh(3);
     let view = local_view(&mesh, &camera(&mesh), (64, 48));
-    let count = |scene: &FlowScene| scene.fragments(&view).unwrap().1;
+    let count = |scene: &FlowScene| scene.fragments(&view).unwrap().1.splats;
     let all = scene(&mesh, FlowStyle::default(), vortex);
     let most = count(&all);
     assert!(most > 40);
@@ -239,6 +241,40 @@ fn what_is_not_finite_hidden_or_without_a_way_has_no_splat() {
     // Opacity 0 leaves nothing.
     let clear = FlowScene { style: FlowStyle { opacity: 0.0, ..all.style }, ..all };
     assert_eq!(clear.fragments(&view).unwrap().0.count(), 0);
+}
+
+#[test]
+fn a_held_moment_flows_on_by_its_speeds_and_what_is_too_fast_is_blurred() {
+    let mesh = mesh(3);
+    let view = local_view(&mesh, &camera(&mesh), (64, 48));
+    let at =
+        |held: HeldFlow| FlowScene { held, ..scene(&mesh, FlowStyle { speed: 1.5, ..FlowStyle::default() }, vortex) };
+    let [now, later] = [0.0, 0.3].map(|time| at(HeldFlow { time, shutter: 0.0 }));
+    for vertex in now.vertices() {
+        let way = 1.5 * 0.3 * now.vector(vertex).length() / mesh.positions.scale;
+        let [from, to] = [&now, &later].map(|scene| scene.phase(vertex));
+        // Backwards through the pattern, so that the pattern goes forwards; the places are rounded a few times each.
+        let moved = (from[0] - to[0] - way / now.period()).rem_euclid(1.0);
+        assert!(moved.min(1.0 - moved) < 1e-12 && from[1] == to[1], "{moved}");
+    }
+    // Half of the pattern's way while the shutter is open lies before, and half behind.
+    let of = |shutter: f64, vertex| Splat::of(&at(HeldFlow { time: 0.0, shutter }), vertex, &view);
+    let sums = IconSums::of(Icon::default());
+    let mut fast = 0;
+    for vertex in now.vertices() {
+        let (Some(sharp), Some(slow), Some(spun)) = (of(0.0, vertex), of(0.1, vertex), of(1e9, vertex)) else {
+            continue;
+        };
+        assert!(sharp.blur == 0.0 && slow.blur > 0.0 && spun.blur > 1e6);
+        fast += u64::from(FlowCounts::is_fast(slow.blur));
+        // Over many periods the pattern is its mean across: as where the mean is over all of the way.
+        let rows = (0..64).map(|row| spun.across(f64::from(row) / 64.0).opacity([2.0, 1.0], 1.0, sums));
+        let mean = rows.sum::<f64>() / 64.0;
+        assert!((mean / (MEAN * splat::window(1.0)) - 1.0).abs() < 1e-12, "{mean}");
+    }
+    let (fragments, counts) = at(HeldFlow { time: 0.0, shutter: 0.1 }).fragments(&view).unwrap();
+    assert!(fragments.count() > 0 && counts.fast == fast && now.fragments(&view).unwrap().1.fast == 0, "{counts:?}");
+    assert!(at(HeldFlow { time: 0.0, shutter: 1e9 }).fragments(&view).unwrap().1.fast == counts.splats);
 }
 
 #[test]

@@ -5,16 +5,16 @@
 //! scene's.
 
 use crate::camera::View;
-use crate::render::flow::{COMPRESSED, END, FlowScene, MEAN, PIXEL, TEXELS};
+use crate::render::flow::{COMPRESSED, END, FlowCounts, FlowScene, MEAN, PIXEL, TEXELS};
 use crate::render::{LayerFragment, LayerFragments, RenderError};
 use glam::{DMat2, DVec2, DVec3};
 use rayon::prelude::*;
 
-/// All fragments of a view in local coordinates, and the number of splats in front of the eye.
+/// All fragments of a view in local coordinates, of the splats in front of the eye.
 ///
 /// # Errors
 /// If a fragment is out of range.
-pub(crate) fn flow_fragments(scene: &FlowScene, view: &View) -> Result<(LayerFragments, u64), RenderError> {
+pub(crate) fn flow_fragments(scene: &FlowScene, view: &View) -> Result<(LayerFragments, FlowCounts), RenderError> {
     let splats: Vec<Judged> = scene.vertices().into_iter().filter_map(|v| Judged::of(scene, v, view)).collect();
     let texels = &scene.style.icon.texels();
     let (width, height) = view.plane_px();
@@ -31,7 +31,9 @@ pub(crate) fn flow_fragments(scene: &FlowScene, view: &View) -> Result<(LayerFra
         found.collect::<Vec<_>>()
     };
     let found: Vec<Vec<(u32, LayerFragment)>> = (0..width * height).into_par_iter().map(of_pixel).collect();
-    Ok((LayerFragments::new(width * height, found.into_iter().flatten())?, splats.len() as u64))
+    let fast = splats.iter().filter(|splat| FlowCounts::is_fast(splat.blur)).count() as u64;
+    let counts = FlowCounts { splats: splats.len() as u64, fast };
+    Ok((LayerFragments::new(width * height, found.into_iter().flatten())?, counts))
 }
 
 /// Position on the screen of a local point, in pixels.
@@ -50,6 +52,7 @@ struct Judged {
     per_period: f64,
     foreshortening: f64,
     phase: [f64; 2],
+    blur: f64,
     color: [f64; 3],
 }
 
@@ -86,6 +89,7 @@ impl Judged {
             per_period: scene.period() * facing,
             foreshortening: projected.length() / facing,
             phase: scene.phase(vertex),
+            blur: scene.blur(vertex),
             color: scene.color(vertex)?,
         })
     }
@@ -106,7 +110,7 @@ impl Judged {
         let across = beside.x * self.along.y - beside.y * self.along.x;
         let (s, t) = (along * frequency + self.phase[0], across / self.per_period + self.phase[1]);
         let size = TEXELS as f64;
-        let width = (frequency * size).clamp(1.0, size);
+        let width = ((frequency + self.blur) * size).clamp(1.0, size);
         let mut height = 1.0;
         while height < (size / self.per_period).min(size) {
             height *= 2.0;

@@ -77,6 +77,46 @@ fn a_frame_that_was_sought_has_the_bits_of_the_one_that_was_played_and_contrast_
 }
 
 #[test]
+fn a_held_step_flows_on_by_a_rate_and_a_rate_of_zero_stands_still() {
+    let place = tornado();
+    let words = ["render", "t.zarr", "--field", "pressure", "--size", "48x36", "--no-volume"];
+    let held = |name: &str, options: &[&str]| -> Vec<Planes> {
+        let files = format!("{name}_%d.exr");
+        let files = ["-o", &files, "--exr", "raw", "--fps", "5", "--steps", "9"];
+        place.ok(&[&words[..], &files, &FLOW, options].concat());
+        let frames = (0..).map(|i| place.path(&format!("{name}_{i}.exr"))).take_while(|file| file.exists());
+        frames.map(|file| read_exr(&file).unwrap().planes).collect()
+    };
+    let usual = held("usual", &["--flow-hold", "0.8"]);
+    assert_eq!(usual.len(), 4);
+    for i in 1..4 {
+        assert!((0..i).all(|j| apart(&usual[i], &usual[j]) > 1e-2), "{i}");
+    }
+    // The same by the duration, and by any run that has the frame.
+    assert!(held("by", &["--duration", "0.8"]) == usual && held("less", &["--flow-hold", "0.4"]) == usual[..2]);
+    let still = held("still", &["--flow-hold", "0.6", "--flow-rate", "0"]);
+    assert!(still.iter().all(|frame| *frame == exr(&place, "9", &[&FLOW[..], &["--no-volume"]].concat())));
+    // Twice the rate for half of the time is the same way, blurred over twice as much of it.
+    let [slow, fast] =
+        ["1", "2"].map(|rate| held(&format!("rate{rate}"), &["--flow-hold", "0.8", "--flow-rate", rate]));
+    assert!(apart(&slow[2], &fast[1]) < apart(&slow[2], &slow[1]) && apart(&slow[3], &fast[3]) > 1e-2);
+    for (options, parts) in [
+        (&["--flow-hold", "1", "--steps", "1..3"][..], &["--flow-hold", "one step", "--steps N"][..]),
+        (&["--flow-hold", "1"], &["--steps N"]),
+        (&["--flow-hold", "0", "--steps", "1"], &["--flow-hold", "positive"]),
+        (&["--flow-hold", "1", "--duration", "1", "--steps", "1"], &["--flow-hold", "--duration"]),
+        (&["--flow-rate=-1", "--steps", "1"], &["rate of -1"]),
+        (&["--flow-rate", "nan", "--steps", "1"], &["rate of NaN"]),
+    ] {
+        place.refuses(&[&words[..], &["-o", "x_%d.png"], &FLOW, options].concat(), parts);
+    }
+    place.refuses(
+        &[&words[..], &["-o", "x_%d.png", "--flow-hold", "1", "--steps", "1"]].concat(),
+        &["required arguments"],
+    );
+}
+
+#[test]
 fn flow_is_in_a_project_and_what_cannot_be_shown_is_refused_with_the_remedy() {
     let place = tornado();
     let project = "version = 1\n[data]\nsource = \"t.zarr\"\nfield = \"pressure\"\n[look]\nflow = \"velocity\"\n\
