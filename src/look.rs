@@ -1,12 +1,14 @@
 //! [`Look`]: the settings that frames of a field share, and the requests for them.
 
 use crate::camera::{Camera, CameraError};
-use crate::node_table::{NodeTable, TransferTable};
+use crate::error::FileError;
+use crate::node_table::{NodeTable, NodeTableError, TransferTable};
 use crate::optics::OpticsKind;
 use crate::pipeline::{
-    Backend, FaceDetail, FlowLayer, FrameRequest, FrameTime, KeyedSurfaces, Layer, RenderMode, Representation, Series,
-    SurfaceLook, TetDraw,
+    Backend, ColorsBeside, FaceDetail, FlowLayer, FrameRequest, FrameTime, KeyedSurfaces, Layer, RenderMode,
+    Representation, Series, SurfaceLook, TetDraw,
 };
+use crate::render::flow::FlowStyle;
 use crate::render::functions::{FunctionForm, Normalise, SheetStyle};
 use crate::render::points::PointStyle;
 use crate::render::surfaces::ByField;
@@ -73,6 +75,11 @@ pub struct FlowLook {
 }
 
 impl FlowLook {
+    /// The flow of a field, in one colour, at its usual rate.
+    pub fn new(field: String, style: FlowStyle) -> Self {
+        Self { layer: FlowLayer::new(field, style), color_by: None, rate: None }
+    }
+
     /// Checks a rate.
     ///
     /// # Errors
@@ -145,6 +152,41 @@ pub struct Keyed {
 pub fn mapped_range(series: &Series, policy: &RangePolicy, time: FrameTime) -> Result<MappedRange, TransferError> {
     let (all, step) = time.scalar_ranges(series.field());
     series.settled(policy)?.resolve(all, step)
+}
+
+/// Why a field beside a series has no colours.
+#[derive(Debug, thiserror::Error)]
+pub enum BesideError {
+    /// The field cannot be opened.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The colour map cannot be read, or the field has no range.
+    #[error(transparent)]
+    Transfer(#[from] TransferError),
+    /// The colours make no table.
+    #[error(transparent)]
+    Table(#[from] NodeTableError),
+}
+
+/// The colours of a field beside a series; `tf` gives its own to one without a map.
+///
+/// # Errors
+/// If the store has no such field, or there is no such map.
+pub fn colors_beside(
+    series: &Series,
+    tf: &TransferFunction,
+    lengths: Lengths,
+    by: &ByField,
+) -> Result<ColorsBeside, BesideError> {
+    let other = series.beside(&by.field)?;
+    let function = match &by.map {
+        Some(map) => TransferFunction::parse(map)?,
+        None => tf.clone(),
+    };
+    let range = mapped_range(&other, &RangePolicy::Series, 0.into())?;
+    let content = TransferContent::Function { function, range };
+    let source = TransferSource { content, kind: OpacityKind::Alpha, lengths };
+    Ok(ColorsBeside { field: by.field.to_string(), colors: Arc::new(source.formula()?.colors()?) })
 }
 
 impl Look {

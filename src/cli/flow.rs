@@ -1,7 +1,6 @@
 //! Options of flow.
 
-use super::surfaces::colors_beside;
-use crate::look::FlowLook;
+use crate::look::{FlowLook, colors_beside};
 use crate::pipeline::{FlowLayer, Series};
 use crate::render::flow::{FlowStyle, Icon};
 use crate::render::surfaces::ByField;

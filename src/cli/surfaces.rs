@@ -1,7 +1,7 @@
 //! Options for surfaces.
 
 use crate::field::{Association, Blocks, Regions};
-use crate::look::mapped_range;
+use crate::look::colors_beside;
 use crate::mesh::Mesh;
 use crate::pipeline::{ColorsBeside, RequestError, Series, Shown, SurfaceLook};
 use crate::project::Project;
@@ -11,9 +11,8 @@ use crate::render::surfaces::{
 };
 use crate::short::Short;
 use crate::store::StoredField;
-use crate::transfer::{Lengths, OpacityKind, RangePolicy, TransferContent, TransferFunction, TransferSource};
+use crate::transfer::{Lengths, TransferFunction};
 use anyhow::{Context, bail};
-use std::sync::Arc;
 
 /// Surfaces in the volume, and whether the volume is shown.
 #[derive(Clone, Debug, clap::Args)]
@@ -153,24 +152,6 @@ impl Beside<'_> {
         };
         Ok(Some(u8::try_from(place).context("surfaces have the colours of 256 other fields at most")?))
     }
-}
-
-/// The colours of a field beside a series; `tf` gives its own to one without a map.
-pub(super) fn colors_beside(
-    series: &Series,
-    tf: &TransferFunction,
-    lengths: Lengths,
-    by: &ByField,
-) -> anyhow::Result<ColorsBeside> {
-    let other = series.beside(&by.field)?;
-    let function = match &by.map {
-        Some(map) => TransferFunction::parse(map)?,
-        None => tf.clone(),
-    };
-    let range = mapped_range(&other, &RangePolicy::Series, 0.into())?;
-    let content = TransferContent::Function { function, range };
-    let source = TransferSource { content, kind: OpacityKind::Alpha, lengths };
-    Ok(ColorsBeside { field: by.field.to_string(), colors: Arc::new(source.formula()?.colors()?) })
 }
 
 /// Checks that all surfaces are visible in a series: [`check_range`] and [`check_cuts`].

@@ -13,6 +13,7 @@ use crate::render::flow::{self, FlowColors, FlowScene, FlowStyle, HeldFlow, Shap
 use crate::render::reference::flow_fragments;
 use crate::render::surfaces::FieldBeside;
 use crate::stats::FrameStats;
+use crate::store::StoredField;
 use crate::task::Cancel;
 use crate::visibility::CellSet;
 use serde::{Deserialize, Serialize};
@@ -72,12 +73,13 @@ impl FlowLayer {
         let Some(speeds) = speeds.distribution(cancel)? else { return Ok(None) };
         let speed =
             [0.9, 1.0].map(|share| speeds.value_at(share).map_or(0.0, f64::from)).into_iter().find(|&v| v > 0.0);
-        let period = match self.style.length {
-            Some(length) => length,
-            None => flow::usual_period(&series.mesh) * series.mesh.positions.scale,
-        };
-        let rate = flow::FOLLOWED * period * fps / (speed.unwrap_or(0.0) * self.style.speed);
+        let rate = flow::FOLLOWED * self.period(&series.mesh) * fps / (speed.unwrap_or(0.0) * self.style.speed);
         Ok(Some(if rate.is_finite() { rate } else { 1.0 }))
+    }
+
+    /// Length of a period of the pattern on a mesh, in world units.
+    pub fn period(&self, mesh: &Mesh) -> f64 {
+        self.style.length.unwrap_or_else(|| flow::usual_period(mesh) * mesh.positions.scale)
     }
 
     /// Why a series cannot show it.
@@ -87,6 +89,14 @@ impl FlowLayer {
     pub fn check(&self, series: &Series) -> Result<(), RequestError> {
         components(series, &self.field).map(drop)
     }
+}
+
+/// The fields of a store that flow can show, in its order: of vertices, with three components.
+pub fn vector_fields(fields: &[StoredField]) -> Vec<&str> {
+    let has = |name: &str, component| fields.iter().any(|field| field.name == format!("{name}:{component}"));
+    let of_vertices = fields.iter().filter(|field| field.values_of == Association::Point);
+    let names = of_vertices.filter_map(|field| field.name.strip_suffix(":0"));
+    names.filter(|name| has(name, 1) && has(name, 2) && !has(name, 3)).collect()
 }
 
 /// What a layer of flow shows at a time.

@@ -4,13 +4,14 @@ use super::camera_history::CameraTurn;
 use super::exporting::ExportAction;
 use crate::camera::Axis;
 use crate::field::FieldSelector;
-use crate::look::EnsembleChoice;
+use crate::look::{EnsembleChoice, FlowLook};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode, Representation, Sampling, SurfaceLook};
 use crate::playback::Command;
 use crate::playback::quality::Family;
 use crate::project::Edit;
 use crate::render::points::PointStyle;
+use crate::render::surfaces::ByField;
 use crate::transfer::{ColorMap, OpacityKind, OpacityPoint, RangePolicy};
 use crate::ui::tracks::KeyAction;
 use crate::ui::views::ViewAction;
@@ -140,6 +141,14 @@ pub enum Action {
     Surfaces(Box<SurfaceLook>),
     /// Shows the next of volume, surfaces and both.
     NextShown,
+    /// Shows the flow of a field of vectors, or none. An invalid style is not applied.
+    Flow(Option<Box<FlowLook>>),
+    /// Colours the flow by a field, or by none.
+    FlowColors(Option<ByField>),
+    /// Shows flow or hides it.
+    ToggleFlow,
+    /// Shows the next icon of flow.
+    NextIcon,
     /// Moves the last isosurface by hundredths of the field's range.
     MoveIsovalue(f64),
     /// Moves the last cut along its normal by a movement of the mouse, in heights of the image (x to the right, y upwards).

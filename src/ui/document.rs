@@ -4,7 +4,7 @@
 //! change is a new state; the states before it are kept whole, so that undoing gives back exactly what was there. The device and
 //! the playback are no part of a state: they stay as they are. The camera has a history of its own (`camera_history`).
 
-use crate::look::{EnsembleChoice, Followed, Look};
+use crate::look::{EnsembleChoice, FlowLook, Followed, Look};
 use crate::optics::OpticsKind;
 use crate::pipeline::{FaceDetail, RenderMode, SurfaceLook};
 use crate::project::{Data, Project};
@@ -32,15 +32,16 @@ pub(super) struct State {
     opacity_kind: OpacityKind,
     lengths: Lengths,
     surfaces: SurfaceLook,
+    flow: Option<FlowLook>,
     followed: Followed,
 }
 
 impl State {
     /// Copies the state to a look, which keeps its camera and its device.
     fn restore(self, look: &mut Look) {
-        let Self { mode, faces, points, optics, opacity_kind, lengths, surfaces, followed, .. } = self;
+        let Self { mode, faces, points, optics, opacity_kind, lengths, surfaces, flow, followed, .. } = self;
         let followed = Followed { camera: look.followed.camera, ..followed };
-        *look = Look { mode, faces, points, optics, opacity_kind, lengths, surfaces, followed, ..look.clone() };
+        *look = Look { mode, faces, points, optics, opacity_kind, lengths, surfaces, flow, followed, ..look.clone() };
     }
 
     fn is_same(&self, other: &Self) -> bool {
@@ -49,7 +50,7 @@ impl State {
             (mode, faces, points, optics, opacity_kind, lengths, Followed { camera: true, ..followed })
         };
         let is_same_project = Arc::ptr_eq(&self.project, &other.project) || self.project == other.project;
-        is_same_project && key(self) == key(other) && self.surfaces == other.surfaces
+        is_same_project && key(self) == key(other) && self.surfaces == other.surfaces && self.flow == other.flow
     }
 }
 
@@ -211,8 +212,8 @@ impl Document {
 
 fn state_of(project: &Arc<Project>, look: &Look) -> State {
     let Look { mode, faces, points, optics, opacity_kind, lengths, followed, .. } = *look;
-    let (project, surfaces) = (project.clone(), look.surfaces.clone());
-    State { project, mode, faces, points, optics, opacity_kind, lengths, surfaces, followed }
+    let (project, surfaces, flow) = (project.clone(), look.surfaces.clone(), look.flow.clone());
+    State { project, mode, faces, points, optics, opacity_kind, lengths, surfaces, flow, followed }
 }
 
 /// A project without ensembles, with the transfer function of a look.

@@ -2,14 +2,16 @@
 
 use super::document::{State, Turn};
 use super::motion::MotionError;
+use super::session::Usual;
 use crate::error::{FileError, FileResult};
 use crate::export::still::{Background, FrameAttributes, OutputFrame, StillOptions, write_still};
 use crate::field::FieldSelector;
 use crate::files;
 use crate::image::Planes;
-use crate::look::Look;
-use crate::pipeline::{FrameRequest, Series, SharedFrame};
+use crate::look::{BesideError, Look};
+use crate::pipeline::{ColorsBeside, FlowLayer, FrameRequest, Series, SharedFrame};
 use crate::project::{Project, ProjectError};
+use crate::render::surfaces::ByField;
 use crate::store::Store;
 use crate::task::{Cancel, panic_message};
 use crate::transfer::{FirstLook, TransferError, TransferFunction};
@@ -32,6 +34,10 @@ pub(super) enum Done {
     Compared(MotionError, u64),
     /// A project was written, that of this state; or why not.
     Project(Result<PathBuf, ProjectError>, Box<State>),
+    /// What is usual for a flow.
+    Flow(Box<FlowLayer>, Usual),
+    /// The colours of a field for the flow.
+    FlowColors(ByField, Box<Result<ColorsBeside, BesideError>>),
     /// A field cannot be opened, or a job failed through a fault of this program or for want of a thread.
     Failed(String),
 }
@@ -104,7 +110,8 @@ impl Jobs {
         self.run(move || Done::Compared(found(), number));
     }
 
-    fn run(&self, job: impl FnOnce() -> Done + Send + 'static) {
+    /// Runs a job.
+    pub(super) fn run(&self, job: impl FnOnce() -> Done + Send + 'static) {
         let (to, wake) = (self.to.clone(), self.wake.clone());
         let failed = self.to.clone();
         let work = move || {

@@ -66,6 +66,8 @@ pub fn bindings() -> Vec<Binding> {
         shifted("Backspace", Action::TurnCamera(CameraTurn::On), "on to the view after it"),
         plain("V", Action::OtherProjection, "perspective or parallel"),
         plain("M", Action::NextShown, "volume, isosurfaces, or both"),
+        plain("F", Action::ToggleFlow, "flow, or none"),
+        plain("G", Action::NextIcon, "the next icon of flow"),
         plain("J", Action::MoveIsovalue(-1.0), ISOVALUE_HELP),
         plain("K", Action::MoveIsovalue(1.0), ISOVALUE_HELP),
     ];

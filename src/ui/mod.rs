@@ -64,6 +64,8 @@ mod drag_tests;
 mod editor_tests;
 pub mod exporting;
 mod first_picture;
+#[cfg(test)]
+mod flow_tests;
 pub mod following;
 pub mod histograms;
 mod history;

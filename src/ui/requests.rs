@@ -24,12 +24,14 @@ pub(super) struct Requests {
     pub(super) previews: Vec<Contrast>,
     /// Details of earlier frames of the same view.
     pub(super) still: Option<Still>,
+    /// A moment that is held while its flow goes on: for how long, and by how much since the last frame, in the series' unit.
+    pub(super) held: Option<(FrameTime, f64, f64)>,
 }
 
 impl Requests {
     /// Requests by this worker.
     pub(super) fn of(worker: ProjectWorker) -> Self {
-        Self { worker, problem: None, for_window: false, previews: Vec::new(), still: None }
+        Self { worker, problem: None, for_window: false, previews: Vec::new(), still: None, held: None }
     }
 
     /// The request for a time of a project, whose settings come before those of the look; `None`: they are pending. `size` is that of an
@@ -56,6 +58,10 @@ impl Requests {
         let all = if mode == RenderMode::Points { lod } else { 1.0 };
         let draw = look.draw(mode, FaceDetail { lod: all, ..faces });
         let request = request.with_draw(draw);
+        let request = match self.held {
+            Some((moment, held, shutter)) if moment == time => request.holding(held, shutter),
+            _ => request,
+        };
         let request = FrameRequest { for_window: self.for_window, ..request };
         let has_rays = request.may_leave_rays_out();
         // A request that may leave out rays may use details, but not with surfaces of the domain or of regions.

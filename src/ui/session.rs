@@ -3,6 +3,7 @@
 mod act;
 mod export;
 mod field;
+mod flow;
 mod growth;
 mod insight;
 mod led;
@@ -24,7 +25,7 @@ use super::project_worker::ProjectWorker;
 use super::requests::Requests;
 use super::tracks::KeyChoice;
 use crate::camera::Camera;
-use crate::look::{Look, mapped_range};
+use crate::look::{FlowLook, Look, mapped_range};
 use crate::pipeline::{FrameRequest, KeyedSurfaces, Series, SharedFrame, SurfaceLook};
 use crate::playback::quality::{Family, Quality, QualityControl};
 use crate::playback::{Player, Settings, State};
@@ -33,6 +34,7 @@ use crate::store::Store;
 use crate::timeline::At;
 use crate::transfer::{Function, MappedRange, Member, RangeMap, RangePolicy, TransferFunction};
 pub use export::ExportCommand;
+pub use flow::Usual;
 pub use quality::{DEFAULT_TARGET_FPS, TARGET_FPS};
 use std::cell::OnceCell;
 use std::io;
@@ -125,6 +127,9 @@ pub struct Session {
     /// The last frame shown while something moved.
     moved: Option<Shown>,
     motion_error: Option<MotionError>,
+    drift: flow::Drift,
+    /// The flow that was shown last, while none is.
+    flow_before: Option<FlowLook>,
     viewport_px: Option<(usize, usize)>,
     image_scale: f64,
     background: [f32; 3],
@@ -203,6 +208,8 @@ impl Session {
             drawing: None,
             moved: None,
             motion_error: None,
+            drift: flow::Drift::default(),
+            flow_before: None,
             viewport_px: None,
             image_scale,
             background,

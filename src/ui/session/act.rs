@@ -175,6 +175,10 @@ impl Session {
                 }
                 self.leave(|followed| followed.surfaces = false);
             }
+            Action::Flow(flow) => self.set_flow(flow.map(|flow| *flow)),
+            Action::FlowColors(by) => self.color_flow(by),
+            Action::ToggleFlow => self.toggle_flow(),
+            Action::NextIcon => self.next_icon(),
             Action::LevelOfDetail(lod) if lod.is_nan() => {}
             Action::LevelOfDetail(lod) => {
                 self.look.faces.lod = lod.clamp(0.0, 1.0);

@@ -81,7 +81,7 @@ impl Session {
     /// Target milliseconds per frame: while something moves and no picture in full is awaited.
     pub(super) fn target_ms(&self, state: &State, now: Duration) -> Option<f64> {
         let is_in_full = self.wants_screenshot || self.shared.is_compared;
-        let moves = (state.playing || self.rest(now).is_some()) && !is_in_full;
+        let moves = (state.playing || self.rest(now).is_some() || self.drifts(state)) && !is_in_full;
         self.target_fps.filter(|_| moves).map(|fps| 1e3 / fps / self.shared.views as f64)
     }
 

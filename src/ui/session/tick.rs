@@ -28,6 +28,7 @@ impl Session {
         let is_elsewhere = self.shown.as_ref().is_some_and(|shown| shown.frame.planes.color.pixels.is_empty());
         let is_wanted_here = self.shared.is_compared || (self.wants_screenshot && is_elsewhere);
         let for_window = self.has_window_gpu && !is_wanted_here;
+        let drift = self.drift(now, &state);
         let (series, target_ms, family) = (self.series().clone(), self.target_ms(&state, now), self.family);
         self.look_at_costs(size);
         self.requests.previews = if target_ms.is_none() { self.previews() } else { Vec::new() };
@@ -77,7 +78,7 @@ impl Session {
         let is_led_on = self.shared.views > 1 && self.rest(now).is_some();
         self.insight.pause(is_busy || is_late || is_led_on);
         let busy = is_busy.then(|| self.busy_until.saturating_sub(now));
-        let wait = tick.wait.into_iter().chain(self.rest(now)).chain(busy).chain(passes).min();
+        let wait = tick.wait.into_iter().chain(self.rest(now)).chain(busy).chain(passes).chain(drift).min();
         (is_new, wait)
     }
 
@@ -191,6 +192,8 @@ impl Session {
                 Done::Function(Ok(tf), colors_only) => self.take_function(tf, colors_only),
                 Done::Function(Err(error), _) => self.fail(error.to_string()),
                 Done::Compared(error, _) => self.motion_error = Some(error),
+                Done::Flow(of, usual) => self.take_usual_flow(*of, usual),
+                Done::FlowColors(by, colors) => self.take_flow_colors(by, *colors),
                 Done::Failed(problem) => {
                     (self.opens_field, self.is_saving) = (false, false);
                     self.fail(problem);

@@ -8,6 +8,7 @@ mod damage;
 mod editor;
 mod export;
 mod files;
+mod flow;
 mod function_file;
 mod input;
 mod key_boxes;

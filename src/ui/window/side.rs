@@ -10,7 +10,7 @@ use super::path_field::OpenDialog;
 use super::project::{self, ProjectMenu};
 use super::welcome::{self, PathBox, Wish};
 use super::widgets::{chosen, color_button, icon, number, staying_menu, within_width};
-use super::{point, statistics, surfaces};
+use super::{flow, point, statistics, surfaces};
 use crate::camera::{Axis, Projection};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode, Representation};
@@ -113,6 +113,7 @@ impl Side {
                     section(ui, title, (is_open, None), open_sections, show);
                 };
                 header(ui, "Surfaces", true, &mut |ui| surfaces::show(ui, session, actions));
+                header(ui, "Flow", session.look().flow.is_some(), &mut |ui| flow::show(ui, session, actions));
                 header(ui, "Point", true, &mut |ui| point::show(ui, session, actions));
                 header(ui, "Picture", true, &mut |ui| picture(ui, session, actions));
                 header(ui, "Statistics", true, &mut |ui| statistics::show(ui, session));

@@ -1,0 +1,113 @@
+//! Flow in a session.
+
+use super::desk::Desk;
+use super::worker::tests::wait_for;
+use super::{Action, NoticeKind};
+use crate::look::FlowLook;
+use crate::pipeline::FlowLayer;
+use crate::playback::Command;
+use crate::render::flow::{FlowStyle, Icon};
+use crate::render::surfaces::ByField;
+
+/// The flow of the picture on the screen.
+fn flow(desk: &Desk) -> Option<FlowLayer> {
+    desk.shown().request.layers.iter().find_map(|layer| layer.flow()).cloned()
+}
+
+/// A session of a tornado with flow, whose usual rate is known.
+fn desk() -> Desk {
+    let mut desk = Desk::open();
+    desk.settle();
+    assert_eq!(flow(&desk), None);
+    desk.act(Action::ToggleFlow);
+    wait_for("rate of the flow", || {
+        desk.session.tick(desk.now);
+        desk.session.flow_rate()
+    });
+    desk.settle();
+    desk
+}
+
+#[test]
+fn a_held_step_flows_on_and_a_played_one_does_not() {
+    let mut desk = desk();
+    let (usual, pixels) = (desk.session.usual_flow().unwrap(), desk.shown().frame.planes.color.clone());
+    assert!(usual.rate > 0.0 && usual.length > 0.0);
+    assert_eq!(flow(&desk).map(|flow| (flow.field, flow.held)), Some(("velocity".to_owned(), 0.0)));
+    desk.settle();
+    let mut held = 0.0;
+    for ms in [20, 40, 5000] {
+        desk.later(ms);
+        assert!(desk.settle() > 0, "{ms}");
+        let flow = flow(&desk).unwrap();
+        // What is late jumps no farther than a quarter of a second.
+        let way = usual.rate * (0.001 * ms as f64).min(0.25);
+        held += way;
+        // A few roundings of times below a second.
+        assert!((flow.shutter / way - 1.0).abs() < 1e-12 && (flow.held / held - 1.0).abs() < 1e-12, "{flow:?} {way}");
+    }
+    assert!(desk.shown().frame.planes.color != pixels, "patterns moved");
+    let (is_new, wait) = desk.session.tick(desk.now);
+    assert!(!is_new && wait.is_some_and(|wait| wait.as_millis() < 20), "it goes on by itself: {wait:?}");
+    for command in [Command::Step(1), Command::Play] {
+        desk.act(Action::Play(command));
+        desk.settle();
+        assert_eq!(flow(&desk).map(|flow| (flow.held, flow.shutter)), Some((0.0, 0.0)), "{command:?}");
+    }
+    desk.act(Action::Play(Command::Pause));
+    desk.settle();
+    // At a rate of zero a held step stands still.
+    let still = FlowLook { rate: Some(0.0), ..desk.session.look().flow.clone().unwrap() };
+    desk.act(Action::Flow(Some(Box::new(still))));
+    desk.settle();
+    desk.later(1000);
+    desk.settle();
+    desk.later(100);
+    assert_eq!((desk.settle(), flow(&desk).unwrap().held), (0, 0.0));
+}
+
+#[test]
+fn flow_is_switched_changed_coloured_and_undone() {
+    let mut desk = desk();
+    let style = FlowStyle { size: 0.9, ..FlowStyle::default() };
+    desk.act(Action::Flow(Some(Box::new(FlowLook::new("velocity".to_owned(), style)))));
+    desk.act(Action::NextIcon);
+    desk.settle();
+    assert_eq!(flow(&desk).unwrap().style, FlowStyle { icon: Icon::Lines, ..style });
+    (0..3).for_each(|_| desk.act(Action::NextIcon));
+    assert_eq!(desk.session.look().flow.as_ref().unwrap().layer.style, style);
+    let by: ByField = "velocity:mag@viridis".parse().unwrap();
+    desk.act(Action::FlowColors(Some(by.clone())));
+    wait_for("colours", || {
+        desk.session.tick(desk.now);
+        desk.session.look().flow.as_ref().unwrap().layer.colors.clone()
+    });
+    desk.settle();
+    assert!(flow(&desk).unwrap().colors.is_some());
+    assert_eq!(desk.session.to_project("a.toml".as_ref()).look.flow_color, Some(by.to_string()));
+    desk.act(Action::Undo);
+    assert_eq!(desk.session.look().flow.as_ref().unwrap().layer.colors, None, "colours are a change of their own");
+    desk.act(Action::Redo);
+    // Switched off and on again, it is as before.
+    let before = desk.session.look().flow.clone();
+    desk.act(Action::ToggleFlow);
+    desk.settle();
+    assert_eq!(flow(&desk), None);
+    desk.act(Action::ToggleFlow);
+    assert_eq!(desk.session.look().flow, before);
+    desk.act(Action::Undo);
+    assert_eq!(desk.session.look().flow, None);
+    desk.act(Action::NextIcon);
+    desk.act(Action::FlowColors(None));
+    // A size that no splat can have is not applied.
+    let bad = FlowLook::new("velocity".to_owned(), FlowStyle { size: -1.0, ..style });
+    desk.act(Action::Flow(Some(Box::new(bad))));
+    assert_eq!((desk.session.look().flow.as_ref(), desk.session.notices()), (None, &[][..]));
+    desk.act(Action::ToggleFlow);
+    desk.act(Action::FlowColors(Some("wind@viridis".parse().unwrap())));
+    let notice = wait_for("a message", || {
+        desk.session.tick(desk.now);
+        desk.session.notices().first().cloned()
+    });
+    assert!(notice.kind == NoticeKind::Error && notice.text.contains("'wind"), "{notice:?}");
+}

@@ -1,0 +1,108 @@
+//! Flow: vectors, pattern, splats and colours.
+
+use super::overlay;
+use super::widgets::{choice, chosen, labelled, number};
+use crate::field::Association;
+use crate::look::FlowLook;
+use crate::pipeline::vector_fields;
+use crate::render::flow::{FlowStyle, Icon};
+use crate::render::surfaces::ByField;
+use crate::ui::{Action, Session};
+use eframe::egui;
+use egui::{DragValue, Slider, Ui};
+
+/// Colour map of a field that is chosen here.
+const MAP: &str = "viridis";
+
+/// Shows this part of the side panel.
+pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
+    let fields = vector_fields(session.store().fields());
+    let flow = session.look().flow.as_ref();
+    if fields.is_empty() {
+        ui.label("The series has no vectors at its vertices.");
+        return;
+    }
+    let mut options = vec![(None, "no flow")];
+    options.extend(fields.iter().map(|&field| (Some(field), field)));
+    let shown = flow.map(|flow| flow.layer.field.as_str());
+    if let Some(field) = chosen(ui, "Flow (F)", shown, &options) {
+        let style = flow.map_or(FlowStyle::default(), |flow| flow.layer.style);
+        actions.push(Action::Flow(field.map(|field| Box::new(FlowLook::new(field.to_owned(), style)))));
+    }
+    let Some(before) = flow else { return };
+    let mut flow = before.clone();
+    pattern(ui, session, &mut flow);
+    splats(ui, session, &mut flow.layer.style);
+    if flow != *before {
+        actions.push(Action::Flow(Some(Box::new(flow))));
+    }
+    colors(ui, session, before, actions);
+}
+
+/// The icon, its length and its rate.
+fn pattern(ui: &mut Ui, session: &Session, flow: &mut FlowLook) {
+    let icons =
+        [(Icon::Strokes, "strokes"), (Icon::Lines, "lines"), (Icon::Particles, "particles"), (Icon::Arrows, "arrows")];
+    let usual = session.usual_flow();
+    choice(ui, "Icon (G)", &mut flow.layer.style.icon, &icons);
+    ui.horizontal(|ui| {
+        let before = flow.layer.style.length.or(usual.map(|usual| usual.length)).unwrap_or_default();
+        let mut length = before;
+        let value = DragValue::new(&mut length).range(1e-30..=f64::MAX).speed(0.01 * before);
+        ui.add_enabled_ui(before > 0.0, |ui| {
+            number(ui, value.custom_formatter(|x, _| overlay::number(x)), "Length of a period of the pattern");
+            ui.label("length of the pattern");
+        });
+        if length != before {
+            flow.layer.style.length = Some(length);
+        }
+    });
+    ui.horizontal(|ui| {
+        let before = session.flow_rate().unwrap_or_default();
+        let mut rate = before;
+        let speed = 0.01 * usual.map_or(1.0, |usual| usual.rate).max(f64::MIN_POSITIVE);
+        let value = DragValue::new(&mut rate).range(0.0..=f64::MAX).speed(speed);
+        ui.add_enabled_ui(session.flow_rate().is_some(), |ui| {
+            let name = "Time of the series a second with which a held step flows on; 0: it stands still";
+            number(ui, value.custom_formatter(|x, _| overlay::number(x)), name);
+            ui.label("rate while held");
+        });
+        if rate != before {
+            flow.rate = Some(rate);
+        }
+    });
+}
+
+/// Number, size and opacity of splats.
+fn splats(ui: &mut Ui, session: &Session, style: &mut FlowStyle) {
+    let vertices = session.series().mesh().positions.local.len().try_into().unwrap_or(u32::MAX);
+    let mut count = style.splats.unwrap_or(vertices).min(vertices);
+    let slider = Slider::new(&mut count, 1..=vertices.max(1)).logarithmic(true);
+    if labelled(ui.add(slider), "Splats").on_hover_text("Number of splats, evenly through the volume").changed() {
+        style.splats = Some(count).filter(|count| *count < vertices);
+    }
+    ui.horizontal(|ui| {
+        let value = DragValue::new(&mut style.size).range(0.05..=10.0).speed(0.01).max_decimals(2);
+        number(ui, value.prefix("x "), "Size of splats, in edges of the cells around");
+        ui.label("size");
+        let mut percent = 100.0 * style.opacity;
+        let value = DragValue::new(&mut percent).range(0.0..=100.0).speed(0.5).max_decimals(0).suffix(" %");
+        if number(ui, value, "Opacity of the flow").changed() {
+            style.opacity = (0.01 * percent).clamp(0.0, 1.0);
+        }
+        ui.label("opacity");
+    });
+}
+
+/// The field that colours splats.
+fn colors(ui: &mut Ui, session: &Session, flow: &FlowLook, actions: &mut Vec<Action>) {
+    let fields = session.store().fields().iter().filter(|field| field.values_of == Association::Point);
+    let names: Vec<&str> = fields.map(|field| field.name.as_str()).collect();
+    let shown = flow.layer.colors.as_ref().map(|colors| colors.field.as_str());
+    let mut options = vec![(None, "orange")];
+    options.extend(names.into_iter().map(|name| (Some(name), name)));
+    if let Some(field) = chosen(ui, "Colours of the flow", shown, &options) {
+        let by = field.and_then(|name| Some(ByField { field: name.parse().ok()?, map: Some(MAP.to_owned()) }));
+        actions.push(Action::FlowColors(by));
+    }
+}
