@@ -35,6 +35,8 @@ pub(super) struct Side {
     project: ProjectMenu,
     cameras: CameraMenu,
     beside: BesidePanel,
+    /// Whether there was flow when the panel was shown last.
+    has_flow: bool,
 }
 
 impl Side {
@@ -46,6 +48,7 @@ impl Side {
             project: ProjectMenu::new(open),
             cameras: CameraMenu::default(),
             beside: BesidePanel::new(open),
+            has_flow: false,
         }
     }
 
@@ -86,6 +89,7 @@ impl Side {
         actions: &mut Vec<Action>,
     ) -> Option<Wish> {
         let (session, mut wish) = (views.active(), None);
+        let has_flow = session.look().flow.is_some();
         let Settings { open_sections, recent, .. } = settings;
         // The bar has its own room: widgets under it could not be dragged.
         let scroll = &mut ui.spacing_mut().scroll;
@@ -104,16 +108,17 @@ impl Side {
                 });
                 header(ui, "Opacity", true, &mut |ui| self.editor.show(ui, session, actions));
                 header(ui, "View", true, &mut |ui| view(ui, session, (overlays, &mut self.cameras), actions));
-                // A view that has come has its controls.
+                // A view, or flow, that has come has its controls.
                 let opens = self.beside.is_new(views).then_some(true);
                 section(ui, "Second view", (false, opens), open_sections, &mut |ui| {
                     wish = self.beside.show(ui, views, recent, actions).or(wish.take());
                 });
+                let opens = (!std::mem::replace(&mut self.has_flow, has_flow) && has_flow).then_some(true);
+                section(ui, "Flow", (has_flow, opens), open_sections, &mut |ui| flow::show(ui, session, actions));
                 let mut header = |ui: &mut Ui, title: &str, is_open: bool, show: &mut dyn FnMut(&mut Ui)| {
                     section(ui, title, (is_open, None), open_sections, show);
                 };
                 header(ui, "Surfaces", true, &mut |ui| surfaces::show(ui, session, actions));
-                header(ui, "Flow", session.look().flow.is_some(), &mut |ui| flow::show(ui, session, actions));
                 header(ui, "Point", true, &mut |ui| point::show(ui, session, actions));
                 header(ui, "Picture", true, &mut |ui| picture(ui, session, actions));
                 header(ui, "Statistics", true, &mut |ui| statistics::show(ui, session));

@@ -94,9 +94,50 @@ fn the_timeline_shows_the_values_of_each_step_and_a_small_picture_under_the_mous
 }
 
 #[test]
+fn flow_comes_by_a_key_with_its_controls_and_goes_on_while_a_step_is_held() {
+    let Some(mut desk) = Desk::open() else { return };
+    desk.settle();
+    desk.press(Key::F);
+    let held = |session: &tetreel::ui::Session| {
+        let flow =
+            session.shown().and_then(|shown| shown.request.layers.iter().find_map(|layer| layer.flow()).cloned());
+        flow.map(|flow| (flow.held, flow.style.icon))
+    };
+    desk.until("the flow goes on", |session| held(session).is_some_and(|(held, _)| held > 0.0));
+    let (before, icon) = held(desk.session()).unwrap();
+    desk.until("and on", |session| held(session).is_some_and(|(held, _)| held > 2.0 * before));
+    desk.press(Key::G);
+    desk.until("another icon", |session| held(session).is_some_and(|(_, shown)| shown != icon));
+    desk.save("flow.png");
+    for control in ["Flow (F)", "Icon (G)", "Splats", "Opacity of the flow", "Colours of the flow"] {
+        assert!(desk.harness.query_by_label(control).is_some(), "{control}");
+    }
+    desk.click("Colours of the flow");
+    desk.until_there("velocity:mag");
+    desk.click("velocity:mag");
+    let is_coloured = |session: &tetreel::ui::Session| {
+        session.look().flow.as_ref().is_some_and(|flow| flow.color_by.is_some() && flow.layer.colors.is_some())
+    };
+    desk.until("it is coloured", is_coloured);
+    // A picture is saved while it goes on.
+    desk.press(Key::S);
+    desk.until("the file is there", |session| !session.notices().is_empty());
+    assert!(desk.session().notices()[0].text.starts_with("saved "), "{:?}", desk.session().notices());
+    desk.press(Key::Space);
+    desk.until("a step that is played", |session| held(session).is_some_and(|(held, _)| held == 0.0));
+    desk.press(Key::Space);
+    desk.press(Key::F);
+    desk.until("no flow", |session| held(session).is_none());
+    desk.settle();
+}
+
+#[test]
 fn every_control_has_a_name() {
     let Some(mut desk) = Desk::open() else { return };
     desk.settle();
+    // Those of flow are there with it.
+    desk.press(Key::F);
+    desk.until_there("Icon (G)");
     let mut controls = 0;
     for node in desk.harness.query_all_by(|_| true) {
         let node = node.accesskit_node();
