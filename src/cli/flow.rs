@@ -2,7 +2,7 @@
 
 use crate::look::{FlowLook, colors_beside};
 use crate::pipeline::{FlowLayer, Series};
-use crate::render::flow::{FlowStyle, Icon};
+use crate::render::flow::{FlowFidelity, FlowStyle, Icon};
 use crate::render::surfaces::ByField;
 use crate::transfer::{Lengths, TransferFunction};
 use anyhow::{Context, anyhow};
@@ -35,6 +35,9 @@ pub(super) struct FlowArgs {
     /// quarter of a period a frame)
     #[arg(long, value_name = "R", requires = "flow", allow_hyphen_values = true)]
     flow_rate: Option<f64>,
+    /// Patterns of vectors nearly along the ray: smooth (they fade), or paper (compressed by three at most, as printed: they spin)
+    #[arg(long, value_name = "FIDELITY", default_value = "smooth", requires = "flow")]
+    flow_fidelity: FlowFidelity,
     /// Colours of the pattern by a field: NAME[@MAP] (default: orange)
     #[arg(long, value_name = "FIELD", requires = "flow")]
     flow_color: Option<ByField>,
@@ -61,6 +64,7 @@ impl FlowArgs {
             opacity: self.flow_opacity,
             speed: self.flow_speed,
             splats: self.flow_splats,
+            fidelity: self.flow_fidelity,
         };
         style.check().map_err(|problem| anyhow!("--flow: {problem}"))?;
         self.flow_rate.map_or(Ok(()), FlowLook::check_rate).map_err(|problem| anyhow!("--flow: {problem}"))?;

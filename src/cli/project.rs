@@ -271,7 +271,7 @@ mod tests {
         "--iso=-9:#ff8000/#102030:0.4 --iso=-50:by=velocity:0@gray:0.25 --iso=-120.5:by=velocity:1 --shade vertex --ao",
         "--iso=-30.2 --no-volume --light 1,2,3 --shade-volume --no-smoothing",
         "--cut point=1,2,3_normal=0,0.6,0.8_clip --cut point=0,0,5_normal=1,0,0_field=velocity:2@inferno",
-        "--flow velocity --flow-icon arrows --flow-splats 90 --flow-size 0.7 --flow-length 3 --flow-opacity 0.5 --flow-speed 2 --flow-rate 3 --flow-color velocity:mag@gray",
+        "--flow velocity --flow-icon arrows --flow-splats 90 --flow-size 0.7 --flow-length 3 --flow-opacity 0.5 --flow-speed 2 --flow-rate 3 --flow-fidelity paper --flow-color velocity:mag@gray",
         "--surface solid:#ff0000:0.5 --surface edges --crop min=-3,-3,-3_max=3,3,9 --parts 0",
     ];
 

@@ -70,6 +70,7 @@ impl LookSettings {
             flow_opacity: differing(style.opacity, usual.opacity),
             flow_speed: differing(style.speed, usual.speed),
             flow_rate: *rate,
+            flow_fidelity: differing(style.fidelity, usual.fidelity),
             flow_color: color_by.as_ref().map(ToString::to_string),
             ..self
         }

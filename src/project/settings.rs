@@ -5,7 +5,7 @@ use crate::camera::{Camera, CameraError};
 use crate::field::{FieldSelector, Regions};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode, Representation};
-use crate::render::flow::Icon;
+use crate::render::flow::{FlowFidelity, Icon};
 use crate::render::functions::{FunctionDomain, Normalise};
 use crate::render::points::{Compositing, Footprint};
 use crate::render::surfaces::{CropBox, Light, Normals};
@@ -154,6 +154,9 @@ pub struct LookSettings {
     /// Time of the series a second with which the flow of a held step goes on.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flow_rate: Option<f64>,
+    /// What patterns of vectors nearly along the ray are.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub flow_fidelity: Option<FlowFidelity>,
     /// The field that colours the pattern, and its map, as `--flow-color` has it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flow_color: Option<String>,

@@ -27,6 +27,7 @@ use super::{LayerFragments, RenderError};
 use crate::camera::View;
 use crate::mesh::{Mesh, Plane, Symmetric};
 use crate::random::{hash, unit};
+use crate::words::words;
 use glam::DVec3;
 use icon::IconSums;
 use rayon::prelude::*;
@@ -53,11 +54,49 @@ pub struct FlowStyle {
     /// Number of splats, evenly through the volume; `None`: one at each vertex.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub splats: Option<u32>,
+    /// What patterns of vectors nearly along the ray are.
+    #[serde(default, skip_serializing_if = "FlowFidelity::is_usual")]
+    pub fidelity: FlowFidelity,
+}
+
+/// What patterns are whose vector is nearly along the ray.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FlowFidelity {
+    /// They go over into their mean, and do not spin as the vector turns.
+    #[default]
+    Smooth,
+    /// They are compressed by three at most (Xue and Crawfis 2004, section 2.2), and spin.
+    Paper,
+}
+
+words!(FlowFidelity, "there is no way of flow", ["smooth" = Smooth, "paper" = Paper]);
+
+impl FlowFidelity {
+    fn is_usual(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// How much of a pattern is left at a foreshortening.
+    pub(in crate::render) fn contrast(self, foreshortening: f64) -> f64 {
+        match self {
+            Self::Smooth => splat::smoothstep(foreshortening * COMPRESSED),
+            Self::Paper => 1.0,
+        }
+    }
 }
 
 impl Default for FlowStyle {
     fn default() -> Self {
-        Self { icon: Icon::default(), size: 0.5, length: None, opacity: 0.6, speed: 1.0, splats: None }
+        Self {
+            icon: Icon::default(),
+            size: 0.5,
+            length: None,
+            opacity: 0.6,
+            speed: 1.0,
+            splats: None,
+            fidelity: FlowFidelity::Smooth,
+        }
     }
 }
 

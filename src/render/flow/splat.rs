@@ -48,7 +48,7 @@ pub(in crate::render) fn window(squared: f64) -> f64 {
 }
 
 /// From 0 to 1 without a bend at either end.
-pub(in crate::render) fn smoothstep(at: f64) -> f64 {
+pub(super) fn smoothstep(at: f64) -> f64 {
     let at = at.clamp(0.0, 1.0);
     at * at * (3.0 - 2.0 * at)
 }
@@ -99,7 +99,7 @@ impl Splat {
             blur,
             width: IconSums::width(frequency[0] + blur),
             level: IconSums::level(frequency[1]),
-            contrast: smoothstep(foreshortening * COMPRESSED),
+            contrast: scene.style.fidelity.contrast(foreshortening),
             color,
         })
     }

@@ -65,7 +65,8 @@ fn splats_in_a_volume_agree_with_the_judge() {
     for (number, (icon, camera)) in icons.zip(cameras(&mesh)).enumerate() {
         // Two of them are held, with some patterns blurred over more than a period.
         let held = if number < 2 { HeldFlow::default() } else { HeldFlow { time: 7.0, shutter: 0.8 } };
-        let scene = FlowScene { held, ..scene(&mesh, FlowStyle { icon, ..FlowStyle::default() }, vortex) };
+        let fidelity = FlowFidelity::ALL[number % 2];
+        let scene = FlowScene { held, ..scene(&mesh, FlowStyle { icon, fidelity, ..FlowStyle::default() }, vortex) };
         let job = job(&mesh, &camera, (40, 32));
         let view = job.local_view();
         let [(found, drawn), (judged, asked)] =

@@ -5,7 +5,7 @@
 //! scene's.
 
 use crate::camera::View;
-use crate::render::flow::{COMPRESSED, END, FlowCounts, FlowScene, MEAN, PIXEL, TEXELS};
+use crate::render::flow::{COMPRESSED, END, FlowCounts, FlowFidelity, FlowScene, MEAN, PIXEL, TEXELS};
 use crate::render::{LayerFragment, LayerFragments, RenderError};
 use glam::{DMat2, DVec2, DVec3};
 use rayon::prelude::*;
@@ -53,6 +53,8 @@ struct Judged {
     foreshortening: f64,
     phase: [f64; 2],
     blur: f64,
+    /// Whether the pattern goes over into its mean where the vector is nearly along the ray.
+    fades: bool,
     color: [f64; 3],
 }
 
@@ -90,6 +92,7 @@ impl Judged {
             foreshortening: projected.length() / facing,
             phase: scene.phase(vertex),
             blur: scene.blur(vertex),
+            fades: scene.style.fidelity == FlowFidelity::Smooth,
             color: scene.color(vertex)?,
         })
     }
@@ -104,7 +107,7 @@ impl Judged {
             return 0.0;
         }
         let x = (self.foreshortening * COMPRESSED).min(1.0);
-        let contrast = x * x * (3.0 - 2.0 * x);
+        let contrast = if self.fades { x * x * (3.0 - 2.0 * x) } else { 1.0 };
         let frequency = (1.0 / self.foreshortening).min(COMPRESSED) / self.per_period;
         let along = beside.dot(self.along);
         let across = beside.x * self.along.y - beside.y * self.along.x;
