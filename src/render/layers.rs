@@ -20,6 +20,15 @@ pub struct LayerFragment {
     pub rgba: [f32; 4],
 }
 
+/// The fragments of a row of pixels.
+#[derive(Debug, Default)]
+pub(in crate::render) struct RowFragments {
+    /// Per pixel, the end of its fragments.
+    pub(in crate::render) ends: Vec<u32>,
+    /// The fragments of each pixel, nearest first.
+    pub(in crate::render) fragments: Vec<LayerFragment>,
+}
+
 /// The fragments of all pixels of a rendered plane.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LayerFragments {
@@ -56,23 +65,17 @@ impl LayerFragments {
         Ok(Self { ends, fragments, is_textured: false })
     }
 
-    /// Textured fragments in range that come nearest first, for each pixel of a plane from one list alone.
-    pub(in crate::render) fn of_ordered(pixels: usize, lists: &[Vec<(u32, LayerFragment)>]) -> Self {
-        let mut next = vec![0u32; pixels + 1];
-        for (pixel, _) in lists.iter().flatten() {
-            next[*pixel as usize + 1] += 1;
+    /// The fragments of rows of pixels, which follow each other in the rendered plane.
+    pub(in crate::render) fn of_rows(rows: Vec<RowFragments>) -> Self {
+        let mut ends = Vec::with_capacity(rows.iter().map(|row| row.ends.len()).sum());
+        let mut before = 0;
+        for row in &rows {
+            ends.extend(row.ends.iter().map(|end| before + end));
+            before += row.fragments.len() as u32;
         }
-        for pixel in 0..pixels {
-            next[pixel + 1] += next[pixel];
-        }
-        let ends = next[1..].to_vec();
-        let none = LayerFragment { depth: 0.0, rgba: [0.0; 4] };
-        let mut fragments = vec![none; next[pixels] as usize];
-        for &(pixel, fragment) in lists.iter().flatten() {
-            let place = &mut next[pixel as usize];
-            fragments[*place as usize] = fragment;
-            *place += 1;
-        }
+        let rows: Vec<_> = rows.into_iter().map(|row| row.fragments).collect();
+        let mut fragments = Vec::with_capacity(before as usize);
+        rows.iter().for_each(|row| fragments.extend_from_slice(row));
         Self { ends, fragments, is_textured: true }
     }
 

@@ -148,6 +148,7 @@ impl IconSums {
     }
 
     /// The mean over a box around (s, t), in periods: `width` long and 2^level texels across.
+    #[inline(always)]
     pub(in crate::render) fn mean(&self, s: f64, t: f64, width: f64, level: u32) -> f64 {
         let rows = &self.levels[level as usize];
         let first = (t - t.floor()) * TEXELS as f64 - 0.5 * f64::from(1u32 << level);
@@ -161,6 +162,7 @@ impl IconSums {
 }
 
 /// Sum of all texels of a row before a place, in periods.
+#[inline(always)]
 fn before(sums: &[f64; TEXELS + 1], at: f64) -> f64 {
     let (periods, texels) = (at.floor(), (at - at.floor()) * TEXELS as f64);
     // Rounding may reach the end of the period.

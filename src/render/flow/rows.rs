@@ -1,10 +1,11 @@
 //! The fragments of splats, row by row of the image.
 
-use super::super::layers::LayerFragment;
+use super::super::layers::{LayerFragment, RowFragments};
 use super::super::{LayerFragments, RenderError};
 use super::IconSums;
 use super::splat::{END, Splat};
 use crate::camera::View;
+use pulp::Arch;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -27,16 +28,55 @@ pub(super) fn fragments(
         return Err(RenderError::TooMuchFlow { fragments: most, most: MOST });
     }
     let by_row = splats_by_row(splats, view.height_px);
+    let arch = Arch::new();
     let of_row = |row: usize| {
         let mut found = Vec::new();
-        for splat in by_row.of(row).iter().map(|&splat| &splats[splat as usize]) {
-            splat.row(row, (sums, opacity), view, per_unit, &mut found);
-        }
-        found
+        // Compiled for each processor: without its instructions that round down, each look-up calls a function several times.
+        arch.dispatch(
+            #[inline(always)]
+            || {
+                for &splat in by_row.of(row) {
+                    splats[splat as usize].row(splat, row, (sums, opacity), view, &mut found);
+                }
+            },
+        );
+        in_pixels(&found, splats, (row, view), per_unit)
     };
-    let rows: Vec<Vec<(u32, LayerFragment)>> = (0..view.height_px).into_par_iter().map(of_row).collect();
-    let (width, height) = view.plane_px();
-    Ok(LayerFragments::of_ordered(width * height, &rows))
+    let rows = (0..view.height_px).into_par_iter().map(of_row).collect();
+    Ok(LayerFragments::of_rows(rows))
+}
+
+/// What a splat has on a pixel.
+struct Found {
+    /// Index in the rendered plane.
+    place: u32,
+    splat: u32,
+    alpha: f64,
+}
+
+/// What was found in a row, by pixels, each in the order of the splats.
+fn in_pixels(found: &[Found], splats: &[Splat], (row, view): (usize, &View), per_unit: f64) -> RowFragments {
+    let mut places = view.rendered_in(row, 0..view.width_px).map(|(_, place)| place as u32);
+    // The pixels of a row follow each other in the plane.
+    let Some(first) = places.next() else { return RowFragments::default() };
+    let mut ends = vec![0u32; 1 + places.count()];
+    for of in found {
+        ends[(of.place - first) as usize] += 1;
+    }
+    let mut count = 0;
+    ends.iter_mut().for_each(|end| {
+        count += *end;
+        *end = count - *end;
+    });
+    let mut fragments = vec![LayerFragment { depth: 0.0, rgba: [0.0; 4] }; found.len()];
+    for &Found { place, splat, alpha } in found {
+        let Splat { depth, color, .. } = &splats[splat as usize];
+        let [r, g, b] = color.map(|c| (c * alpha) as f32);
+        let next = &mut ends[(place - first) as usize];
+        fragments[*next as usize] = LayerFragment { depth: depth * per_unit, rgba: [r, g, b, alpha as f32] };
+        *next += 1;
+    }
+    RowFragments { ends, fragments }
 }
 
 /// For each row of an image its splats, in order.
@@ -91,24 +131,17 @@ impl Splat {
         pixels(self.center.x + middle, half, width)
     }
 
-    /// Appends the fragments of a row: indices in the rendered plane, from left to right.
-    fn row(
-        &self,
-        row: usize,
-        (sums, opacity): (&IconSums, f64),
-        view: &View,
-        per_unit: f64,
-        found: &mut Vec<(u32, LayerFragment)>,
-    ) {
-        let ([xx, xy, yy], depth) = (self.form, self.depth * per_unit);
+    /// Appends what the splat, number `id`, has in a row, from left to right.
+    #[inline(always)]
+    fn row(&self, id: u32, row: usize, (sums, opacity): (&IconSums, f64), view: &View, found: &mut Vec<Found>) {
+        let [xx, xy, yy] = self.form;
         let dy = row as f64 + 0.5 - self.center.y;
         for (column, place) in view.rendered_in(row, self.columns(row, view.width_px)) {
             let dx = column as f64 + 0.5 - self.center.x;
             let squared = xx * dx * dx + 2.0 * xy * dx * dy + yy * dy * dy;
             let alpha = opacity * self.opacity([dx, dy], squared, sums);
-            let [r, g, b] = self.color.map(|c| (c * alpha) as f32);
             if alpha as f32 > 0.0 {
-                found.push((place as u32, LayerFragment { depth, rgba: [r, g, b, alpha as f32] }));
+                found.push(Found { place: place as u32, splat: id, alpha });
             }
         }
     }

@@ -42,6 +42,7 @@ pub(in crate::render) struct Splat {
 }
 
 /// The kernel at a squared distance in widths: a Gaussian that ends at [`END`] without an edge.
+#[inline(always)]
 pub(in crate::render) fn window(squared: f64) -> f64 {
     let least = (-0.5 * END * END).exp();
     (((-0.5 * squared).exp() - least) / (1.0 - least)).max(0.0)
@@ -105,7 +106,7 @@ impl Splat {
     }
 
     /// The opacity of a pattern of opacity 1 at a place `(dx, dy)` beside the centre, of squared distance `squared` in widths.
-    #[inline]
+    #[inline(always)]
     pub(super) fn opacity(&self, [dx, dy]: [f64; 2], squared: f64, sums: &IconSums) -> f64 {
         let (a, b) = (dx * self.along.x + dy * self.along.y, dx * self.along.y - dy * self.along.x);
         let [s, t] = [a * self.frequency[0] + self.phase[0], b * self.frequency[1] + self.phase[1]];
