@@ -104,6 +104,21 @@ impl FlowStyle {
     /// Edges of the mesh (root mean square) that a period is long by default.
     pub const EDGES: f64 = 4.0;
 
+    /// Splats up to which each can be told from the others.
+    pub const FEW: u32 = 1000;
+
+    /// Splats of which each can be seen in the volume of a mesh: at most [`Self::FEW`], as much wider as they are fewer than the vertices, and
+    /// their pattern as much longer.
+    pub fn few_on(mesh: &Mesh) -> Self {
+        let usual = Self::default();
+        let wider = (mesh.positions.local.len() as f64 / f64::from(Self::FEW)).cbrt();
+        if wider <= 1.0 {
+            return usual;
+        }
+        let length = wider * usual_period(mesh) * mesh.positions.scale;
+        Self { splats: Some(Self::FEW), size: 0.9 * wider * usual.size, length: Some(length), ..usual }
+    }
+
     /// Colour of splats without a field: seen on black and on white.
     pub const COLOR: [f64; 3] = [1.0, 0.5, 0.1];
 

@@ -279,6 +279,16 @@ fn a_held_moment_flows_on_by_its_speeds_and_what_is_too_fast_is_blurred() {
 }
 
 #[test]
+fn few_splats_cover_as_much_as_many_and_few_vertices_have_the_usual_ones() {
+    assert_eq!(FlowStyle::few_on(&mesh(3)), FlowStyle::default());
+    let mesh = mesh(12);
+    let few = FlowStyle::few_on(&mesh);
+    assert!(few.check().is_ok() && few.splats == Some(1000) && few.size > 0.5, "{few:?}");
+    let usual = usual_period(&mesh) * mesh.positions.scale;
+    assert!((few.length.unwrap() / usual - few.size / 0.45).abs() < 1e-12);
+}
+
+#[test]
 fn what_is_limited_is_at_least_what_is_listed() {
     let mesh = mesh(4);
     for size in [0.01, 0.5, 30.0] {

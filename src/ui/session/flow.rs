@@ -142,7 +142,8 @@ impl Session {
         }
         let fields = vector_fields(self.store.fields());
         let before = self.flow_before.take().filter(|flow| fields.contains(&flow.layer.field.as_str()));
-        let first = || fields.first().map(|field| FlowLook::new((*field).to_owned(), FlowStyle::default()));
+        let first =
+            || fields.first().map(|field| FlowLook::new((*field).to_owned(), FlowStyle::few_on(self.series().mesh())));
         match before.or_else(first) {
             Some(flow) => self.set_flow(Some(flow)),
             None => self.fail("the series has no vectors at its vertices whose flow could be shown".to_owned()),

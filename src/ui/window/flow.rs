@@ -26,7 +26,7 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     options.extend(fields.iter().map(|&field| (Some(field), field)));
     let shown = flow.map(|flow| flow.layer.field.as_str());
     if let Some(field) = chosen(ui, "Flow (F)", shown, &options) {
-        let style = flow.map_or(FlowStyle::default(), |flow| flow.layer.style);
+        let style = flow.map_or_else(|| FlowStyle::few_on(session.series().mesh()), |flow| flow.layer.style);
         actions.push(Action::Flow(field.map(|field| Box::new(FlowLook::new(field.to_owned(), style)))));
     }
     let Some(before) = flow else { return };
