@@ -55,9 +55,9 @@ impl Session {
         self.look.flow.as_ref()?.rate.or_else(|| Some(self.usual_flow()?.rate))
     }
 
-    /// Whether a step is held while its flow goes on.
+    /// Whether a step is held while its flow goes on. Beside another view with which it is compared it stands still.
     pub(super) fn drifts(&self, state: &State) -> bool {
-        !state.playing && self.flow_rate().is_some_and(|rate| rate > 0.0)
+        !state.playing && !self.shared.is_compared && self.flow_rate().is_some_and(|rate| rate > 0.0)
     }
 
     /// Lets the flow of a held step go on once its last frame is there. Returns after how long it goes on at the latest.
@@ -74,8 +74,9 @@ impl Session {
             self.drift.held = Some((moment, now));
             return Some(FRAME);
         };
-        // A picture that is to be saved stands still.
-        if self.wants_screenshot || self.is_waiting() {
+        // A picture that is to be saved stands still, and one that another view's clock leads on.
+        let is_led_on = self.shared.views > 1 && self.rest(now).is_some();
+        if self.wants_screenshot || is_led_on || self.is_waiting() {
             return None;
         }
         let elapsed = now.saturating_sub(since);
