@@ -70,7 +70,7 @@ pub struct FlowLook {
     pub layer: FlowLayer,
     /// The field and the map of its colours, by name.
     pub color_by: Option<ByField>,
-    /// The time of the series a second with which it goes on while a moment is held; `None`: [`FlowLayer::usual_rate`].
+    /// The time of the series a second with which it goes on while a moment is held; `None`: [`FlowMeasure::rate`](crate::pipeline::FlowMeasure::rate).
     pub rate: Option<f64>,
 }
 

@@ -186,8 +186,9 @@ impl Scene {
         let rate = match flow.rate {
             Some(rate) => rate,
             None => {
-                let usual = flow.layer.usual_rate(self.pipeline.series(), frame_s.recip(), &self.cancel)?;
-                *flow.rate.insert(usual.ok_or(SceneError::Cancelled)?)
+                let measure = flow.layer.measure(self.pipeline.series(), &self.cancel)?;
+                let measure = measure.ok_or(SceneError::Cancelled)?;
+                *flow.rate.insert(measure.rate(&flow.layer.style, frame_s.recip()))
             }
         };
         Ok(request.holding(rate * since_s, rate * frame_s))

@@ -23,22 +23,7 @@ impl Series {
     pub fn distribution(&self, cancel: &Cancel) -> FileResult<Option<Arc<Distribution>>> {
         let mut known = self.quantities.distribution.lock().unwrap_or_else(PoisonError::into_inner);
         if known.is_none() {
-            let volumes = volumes(self);
-            let chosen: Vec<usize> = evenly(volumes.len(), SCALARS).collect();
-            let (mut values, mut samples) = (vec![0.0; volumes.len()], Vec::new());
-            let mut problem = None;
-            for step in evenly(self.times.len(), STEPS) {
-                match self.decode_step(step, &mut values, cancel) {
-                    Ok(true) => samples.extend(chosen.iter().map(|&vertex| (values[vertex], volumes[vertex]))),
-                    Ok(false) => return Ok(None),
-                    Err(error) => problem = Some(error),
-                }
-            }
-            // Whoever shows an unreadable step gets its error.
-            if let Some(error) = problem.filter(|_| samples.is_empty()) {
-                return Err(error);
-            }
-            *known = Some(Arc::new(Distribution::new(samples)));
+            *known = sampled([self], |[value]| value, cancel)?.map(Arc::new);
         }
         Ok(known.clone())
     }
@@ -68,6 +53,43 @@ impl Series {
         }
         let values = self.distribution(&Cancel::new())?;
         Ok(policy.settled(&values.unwrap_or_default()))
+    }
+}
+
+/// The share of the volume per length of the vectors with these components, as [`Series::distribution`].
+///
+/// # Errors
+/// As [`Series::distribution`].
+pub(super) fn speeds(components: &[Arc<Series>; 3], cancel: &Cancel) -> FileResult<Option<Distribution>> {
+    let length = |vector: [f32; 3]| vector.map(|c| f64::from(c).powi(2)).iter().sum::<f64>().sqrt() as f32;
+    sampled(components.each_ref().map(|of| &**of), length, cancel)
+}
+
+/// The share of the volume per scalar that is made of the values of some fields of one mesh; `None` if `cancel` was raised.
+fn sampled<const N: usize>(
+    fields: [&Series; N],
+    scalar: impl Fn([f32; N]) -> f32,
+    cancel: &Cancel,
+) -> FileResult<Option<Distribution>> {
+    let volumes = volumes(fields[0]);
+    let chosen: Vec<usize> = evenly(volumes.len(), SCALARS).collect();
+    let (mut values, mut samples) = ([(); N].map(|()| vec![0.0; volumes.len()]), Vec::new());
+    let mut problem = None;
+    for step in evenly(fields[0].times.len(), STEPS) {
+        let mut each = fields.iter().zip(&mut values);
+        match each.try_fold(true, |all, (field, values)| Ok(all && field.decode_step(step, values, cancel)?)) {
+            Ok(true) => {
+                let sample = |&at: &usize| (scalar(values.each_ref().map(|values| values[at])), volumes[at]);
+                samples.extend(chosen.iter().map(sample));
+            }
+            Ok(false) => return Ok(None),
+            Err(error) => problem = Some(error),
+        }
+    }
+    // Whoever shows an unreadable step gets its error.
+    match problem.filter(|_| samples.is_empty()) {
+        Some(error) => Err(error),
+        None => Ok(Some(Distribution::new(samples))),
     }
 }
 

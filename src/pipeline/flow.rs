@@ -1,11 +1,11 @@
 //! Layers of flow: their vectors at a time, the way that these have travelled, and their fragments in a view.
 
+use super::distribution::speeds;
 use super::series::Series;
 use super::steps::{StepCache, StepCaches};
 use super::travel::{Speeds, Travel};
 use super::{ColorsBeside, FrameTime, PipelineError, RequestError};
 use crate::camera::View;
-use crate::error::FileError;
 use crate::field::{Association, Component, FieldSelector};
 use crate::mesh::{Mesh, Plane};
 use crate::render::LayerFragments;
@@ -61,25 +61,16 @@ impl FlowLayer {
         Ok(())
     }
 
-    /// The time of the series a second with which the flow of a held moment goes on, if none is chosen: nine tenths of the volume, over some
-    /// steps of the whole series, move by less than a quarter of a period from one of `fps` frames a second to the next. 1 where nothing flows.
-    /// `None` if `cancel` was raised.
+    /// What is usual for its vectors; `None` if `cancel` was raised.
     ///
     /// # Errors
     /// If the series has no such vectors, or none of them can be read.
-    pub fn usual_rate(&self, series: &Series, fps: f64, cancel: &Cancel) -> Result<Option<f64>, PipelineError> {
-        let selector = FieldSelector { name: self.field.clone(), component: Some(Component::Magnitude) };
-        let speeds = series.beside(&selector).map_err(|error| none(&self.field, error))?;
-        let Some(speeds) = speeds.distribution(cancel)? else { return Ok(None) };
+    pub fn measure(&self, series: &Series, cancel: &Cancel) -> Result<Option<FlowMeasure>, PipelineError> {
+        let Some(speeds) = speeds(&components(series, &self.field)?, cancel)? else { return Ok(None) };
         let speed =
             [0.9, 1.0].map(|share| speeds.value_at(share).map_or(0.0, f64::from)).into_iter().find(|&v| v > 0.0);
-        let rate = flow::FOLLOWED * self.period(&series.mesh) * fps / (speed.unwrap_or(0.0) * self.style.speed);
-        Ok(Some(if rate.is_finite() { rate } else { 1.0 }))
-    }
-
-    /// Length of a period of the pattern on a mesh, in world units.
-    pub fn period(&self, mesh: &Mesh) -> f64 {
-        self.style.length.unwrap_or_else(|| flow::usual_period(mesh) * mesh.positions.scale)
+        let period = flow::usual_period(&series.mesh) * series.mesh.positions.scale;
+        Ok(Some(FlowMeasure { speed: speed.unwrap_or(0.0), period }))
     }
 
     /// Why a series cannot show it.
@@ -88,6 +79,29 @@ impl FlowLayer {
     /// If the series has no such vectors at its vertices, or no cells around them.
     pub fn check(&self, series: &Series) -> Result<(), RequestError> {
         components(series, &self.field).map(drop)
+    }
+}
+
+/// What is usual for a field of vectors.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlowMeasure {
+    /// The length below which vectors are in nine tenths of the volume, over some steps of the series; the greatest one if that is 0.
+    speed: f64,
+    /// World length of a period of the pattern where a style has none.
+    period: f64,
+}
+
+impl FlowMeasure {
+    /// World length of a period of the pattern.
+    pub fn period(&self, style: &FlowStyle) -> f64 {
+        style.length.unwrap_or(self.period)
+    }
+
+    /// The time of the series a second with which the flow of a held moment goes on, if none is chosen: nine tenths of the volume move by
+    /// less than a quarter of a period from one of `fps` frames a second to the next. 1 where nothing flows.
+    pub fn rate(&self, style: &FlowStyle, fps: f64) -> f64 {
+        let rate = flow::FOLLOWED * self.period(style) * fps / (self.speed * style.speed);
+        if rate.is_finite() { rate } else { 1.0 }
     }
 }
 
@@ -188,19 +202,16 @@ fn components(series: &Series, field: &str) -> Result<[Arc<Series>; 3], RequestE
         let selector = FieldSelector { name: field.to_owned(), component: Some(Component::Index(index)) };
         series.beside(&selector)
     };
-    let component = |index| component(index).map_err(|error| none(field, error));
-    let found = [component(0)?, component(1)?, component(2)?];
+    let none = |error| {
+        RequestError::Flow(format!(
+            "'{field}' is no field of vectors with three components: {error}; choose one that the source has as a vector, whose components are imported unless --field names others"
+        ))
+    };
+    let found = [component(0).map_err(none)?, component(1).map_err(none)?, component(2).map_err(none)?];
     match found[0].values_of() {
         Association::Cell => Err(RequestError::Flow(of_cells(field))),
         Association::Point => Ok(found),
     }
-}
-
-/// The error of a series without such vectors.
-fn none(field: &str, error: FileError) -> RequestError {
-    RequestError::Flow(format!(
-        "'{field}' is no field of vectors with three components: {error}; choose one that the source has as a vector, whose components are imported unless --field names others"
-    ))
 }
 
 /// The lengths of vectors; 0 where they are not finite.
@@ -278,4 +289,43 @@ fn vertices_of(mesh: &Mesh, cells: &CellSet) -> Vec<bool> {
         tet.iter().for_each(|&vertex| shown[vertex as usize] = true);
     }
     shown
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ingest::{IngestOptions, ingest};
+    use crate::store::Store;
+    use crate::synth::{SeriesName, SynthSpec, generate};
+    use crate::task::Silent;
+
+    #[test]
+    fn usual_speeds_are_those_of_the_components_whether_their_lengths_are_stored_or_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let tornado = generate(&SynthSpec { cells: 600, steps: 3, ..SynthSpec::new(SeriesName::Tornado) }).unwrap();
+        let all = ["pressure", "velocity"].as_slice();
+        let measures = [all, &["velocity:0", "velocity:1", "velocity:2"]].map(|fields| {
+            let path = folder.path().join(format!("{}.zarr", fields.len()));
+            let fields = fields.iter().map(|name| name.parse().unwrap()).collect();
+            let options = IngestOptions { fields, ..IngestOptions::default() };
+            ingest(&tornado, &path, &options, &Silent, &Cancel::new()).unwrap();
+            let store = Store::open(&path).unwrap();
+            assert_eq!(vector_fields(store.fields()), ["velocity"]);
+            let series = Series::open(&store, None).unwrap();
+            let layer = FlowLayer::new("velocity".to_owned(), FlowStyle::default());
+            let stored = series.beside(&"velocity:mag".parse().unwrap()).ok();
+            let stored = stored.map(|of| of.distribution(&Cancel::new()).unwrap().unwrap().value_at(0.9).unwrap());
+            (layer.measure(&series, &Cancel::new()).unwrap().unwrap(), stored)
+        });
+        let [(measure, stored), (of_components, none)] = measures;
+        assert_eq!((measure, none), (of_components, None));
+        // Both are lengths rounded to f32 once.
+        let stored = f64::from(stored.unwrap());
+        assert!((measure.speed / stored - 1.0).abs() <= f64::from(f32::EPSILON), "{} {stored}", measure.speed);
+        let style = FlowStyle { speed: 2.0, length: Some(3.0), ..FlowStyle::default() };
+        // At this rate a vector of that length moves a quarter of a period from frame to frame.
+        assert!((2.0 * measure.speed * measure.rate(&style, 25.0) / 25.0 / 3.0 - 0.25).abs() < 1e-12);
+        let still = FlowMeasure { speed: 0.0, ..measure };
+        assert_eq!(still.rate(&style, 25.0), 1.0);
+    }
 }

@@ -49,7 +49,7 @@ mod window_gpu;
 pub use crate::render::upsampling::{DepthEdges, ImageScale, UpsampleFilter, UpsampleKind, Upsampling};
 pub use device::Backend;
 pub use draw::{DrawnBy, FaceDetail, RenderMode, Representation, TetDraw};
-pub use flow::{FlowLayer, vector_fields};
+pub use flow::{FlowLayer, FlowMeasure, vector_fields};
 pub use frames::SharedFrame;
 pub use layer::{ColorsBeside, KeyedSurfaces, Layer, RequestError, Shown, SurfaceLook, TetLayer};
 pub use pipelined::{Pipelined, PipelinedOptions};

@@ -141,7 +141,7 @@ pub enum Action {
     Surfaces(Box<SurfaceLook>),
     /// Shows the next of volume, surfaces and both.
     NextShown,
-    /// Shows the flow of a field of vectors, or none. An invalid style is not applied.
+    /// Shows the flow of a field of vectors, or none. An invalid style or rate is not applied.
     Flow(Option<Box<FlowLook>>),
     /// Colours the flow by a field, or by none.
     FlowColors(Option<ByField>),

@@ -31,8 +31,8 @@ fn desk() -> Desk {
 #[test]
 fn a_held_step_flows_on_and_a_played_one_does_not() {
     let mut desk = desk();
-    let (usual, pixels) = (desk.session.usual_flow().unwrap(), desk.shown().frame.planes.color.clone());
-    assert!(usual.rate > 0.0 && usual.length > 0.0);
+    let (usual, pixels) = (desk.session.flow_rate().unwrap(), desk.shown().frame.planes.color.clone());
+    assert!(usual > 0.0);
     assert_eq!(flow(&desk).map(|flow| (flow.field, flow.held)), Some(("velocity".to_owned(), 0.0)));
     desk.settle();
     let mut held = 0.0;
@@ -41,7 +41,7 @@ fn a_held_step_flows_on_and_a_played_one_does_not() {
         assert!(desk.settle() > 0, "{ms}");
         let flow = flow(&desk).unwrap();
         // What is late jumps no farther than a quarter of a second.
-        let way = usual.rate * (0.001 * ms as f64).min(0.25);
+        let way = usual * (0.001 * ms as f64).min(0.25);
         held += way;
         // A few roundings of times below a second.
         assert!((flow.shutter / way - 1.0).abs() < 1e-12 && (flow.held / held - 1.0).abs() < 1e-12, "{flow:?} {way}");
@@ -99,9 +99,10 @@ fn flow_is_switched_changed_coloured_and_undone() {
     assert_eq!(desk.session.look().flow, None);
     desk.act(Action::NextIcon);
     desk.act(Action::FlowColors(None));
-    // A size that no splat can have is not applied.
+    // A size that no splat can have is not applied, nor a rate that runs backwards.
     let bad = FlowLook::new("velocity".to_owned(), FlowStyle { size: -1.0, ..style });
-    desk.act(Action::Flow(Some(Box::new(bad))));
+    let backwards = FlowLook { rate: Some(-1.0), ..FlowLook::new("velocity".to_owned(), style) };
+    [bad, backwards].into_iter().for_each(|flow| desk.act(Action::Flow(Some(Box::new(flow)))));
     assert_eq!((desk.session.look().flow.as_ref(), desk.session.notices()), (None, &[][..]));
     desk.act(Action::ToggleFlow);
     desk.act(Action::FlowColors(Some("wind@viridis".parse().unwrap())));

@@ -2,14 +2,13 @@
 
 use super::document::{State, Turn};
 use super::motion::MotionError;
-use super::session::Usual;
 use crate::error::{FileError, FileResult};
 use crate::export::still::{Background, FrameAttributes, OutputFrame, StillOptions, write_still};
 use crate::field::FieldSelector;
 use crate::files;
 use crate::image::Planes;
 use crate::look::{BesideError, Look};
-use crate::pipeline::{ColorsBeside, FlowLayer, FrameRequest, Series, SharedFrame};
+use crate::pipeline::{ColorsBeside, FlowMeasure, FrameRequest, Series, SharedFrame};
 use crate::project::{Project, ProjectError};
 use crate::render::surfaces::ByField;
 use crate::store::Store;
@@ -34,8 +33,8 @@ pub(super) enum Done {
     Compared(MotionError, u64),
     /// A project was written, that of this state; or why not.
     Project(Result<PathBuf, ProjectError>, Box<State>),
-    /// What is usual for a flow.
-    Flow(Box<FlowLayer>, Usual),
+    /// What is usual for the vectors of a field; `None` if they cannot be read.
+    Flow(String, Option<FlowMeasure>),
     /// The colours of a field for the flow.
     FlowColors(ByField, Box<Result<ColorsBeside, BesideError>>),
     /// A field cannot be opened, or a job failed through a fault of this program or for want of a thread.

@@ -34,7 +34,6 @@ use crate::store::Store;
 use crate::timeline::At;
 use crate::transfer::{Function, MappedRange, Member, RangeMap, RangePolicy, TransferFunction};
 pub use export::ExportCommand;
-pub use flow::Usual;
 pub use quality::{DEFAULT_TARGET_FPS, TARGET_FPS};
 use std::cell::OnceCell;
 use std::io;

@@ -2,7 +2,7 @@
 
 use super::Session;
 use crate::look::{BesideError, FlowLook, colors_beside};
-use crate::pipeline::{ColorsBeside, FlowLayer, FrameTime, vector_fields};
+use crate::pipeline::{ColorsBeside, FlowMeasure, FrameTime, vector_fields};
 use crate::playback::State;
 use crate::render::flow::{FlowStyle, Icon};
 use crate::render::surfaces::ByField;
@@ -16,43 +16,30 @@ const FRAME: Duration = Duration::from_micros(16_667);
 /// Longest time by which the flow goes on from one frame to the next, however long that took.
 const LONGEST: Duration = Duration::from_millis(250);
 
-/// Frame rate for which the usual rate of flow is chosen.
-const NOMINAL_FPS: f64 = 25.0;
-
 /// How the flow of a held moment goes on.
 #[derive(Debug, Default)]
 pub(super) struct Drift {
-    /// What is usual for a flow, and what is being worked out.
-    usual: Option<(FlowLayer, Usual)>,
-    asked: Option<FlowLayer>,
+    /// What is usual for the vectors of a field, and the field of which it is being worked out.
+    measured: Option<(String, Option<FlowMeasure>)>,
+    asked: Option<String>,
     /// The moment that is held, and when its last frame was asked for.
     held: Option<(FrameTime, Duration)>,
 }
 
-/// What is usual for a flow.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Usual {
-    /// Time of the series a second.
-    pub rate: f64,
-    /// World length of a period of the pattern.
-    pub length: f64,
-}
-
-/// Whether two flows have the same usual rate.
-fn is_alike(a: &FlowLayer, b: &FlowLayer) -> bool {
-    (&a.field, a.style.length, a.style.speed) == (&b.field, b.style.length, b.style.speed)
-}
-
 impl Session {
-    /// What is usual for the flow that is shown; `None` without flow, or until it is known.
-    pub fn usual_flow(&self) -> Option<Usual> {
+    /// Frame rate for which the usual rate of flow is chosen.
+    pub(in crate::ui) const NOMINAL_FPS: f64 = 25.0;
+
+    /// What is usual for the vectors whose flow is shown; `None` without flow, until it is known, or if they cannot be read.
+    pub fn flow_measure(&self) -> Option<FlowMeasure> {
         let flow = self.look.flow.as_ref()?;
-        self.drift.usual.as_ref().filter(|(of, _)| is_alike(of, &flow.layer)).map(|(_, usual)| *usual)
+        self.drift.measured.as_ref().filter(|(of, _)| *of == flow.layer.field)?.1
     }
 
-    /// The time of the series a second with which the flow of a held step goes on; `None` without flow, or until it is known.
+    /// The time of the series a second with which the flow of a held step goes on; `None` as [`Self::flow_measure`], unless one is chosen.
     pub fn flow_rate(&self) -> Option<f64> {
-        self.look.flow.as_ref()?.rate.or_else(|| Some(self.usual_flow()?.rate))
+        let flow = self.look.flow.as_ref()?;
+        flow.rate.or_else(|| Some(self.flow_measure()?.rate(&flow.layer.style, Self::NOMINAL_FPS)))
     }
 
     /// Whether a step is held while its flow goes on. Beside another view with which it is compared it stands still.
@@ -62,7 +49,7 @@ impl Session {
 
     /// Lets the flow of a held step go on once its last frame is there. Returns after how long it goes on at the latest.
     pub(super) fn drift(&mut self, now: Duration, state: &State) -> Option<Duration> {
-        self.work_out_usual_flow();
+        self.measure_flow();
         let shown = self.shown.as_ref().map(|shown| shown.request.time);
         let moment = shown.filter(|shown| state.frame == Some(*shown) && self.drifts(state));
         let Some((moment, rate)) = moment.zip(self.flow_rate()) else {
@@ -100,33 +87,34 @@ impl Session {
         }
     }
 
-    fn work_out_usual_flow(&mut self) {
+    /// Works out on another thread what is usual for the flow that is shown, unless that is known.
+    fn measure_flow(&mut self) {
         let Some(FlowLook { layer, .. }) = &self.look.flow else { return };
-        let is_known = |of: &FlowLayer| is_alike(of, layer);
-        if self.drift.usual.as_ref().is_some_and(|(of, _)| is_known(of))
-            || self.drift.asked.as_ref().is_some_and(is_known)
-        {
+        let known = self.drift.measured.as_ref().map(|(field, _)| field);
+        if [known, self.drift.asked.as_ref()].contains(&Some(&layer.field)) {
             return;
         }
         let (layer, series) = (layer.clone(), self.series().clone());
-        self.drift.asked = Some(layer.clone());
+        self.drift.asked = Some(layer.field.clone());
         self.jobs.run(move || {
-            let length = layer.period(series.mesh());
             // Whoever draws flow that cannot be read says why.
-            let rate = layer.usual_rate(&series, NOMINAL_FPS, &Cancel::new()).ok().flatten().unwrap_or(0.0);
-            Done::Flow(Box::new(layer), Usual { rate, length })
+            let measure = layer.measure(&series, &Cancel::new()).ok().flatten();
+            Done::Flow(layer.field, measure)
         });
     }
 
-    /// Takes over what is usual for a flow.
-    pub(super) fn take_usual_flow(&mut self, of: FlowLayer, usual: Usual) {
+    /// Takes over what is usual for the vectors of a field.
+    pub(super) fn take_flow_measure(&mut self, field: String, measure: Option<FlowMeasure>) {
         self.drift.asked = None;
-        self.drift.usual = Some((of, usual));
+        self.drift.measured = Some((field, measure));
     }
 
     /// Shows another flow, or none.
     pub(super) fn set_flow(&mut self, flow: Option<FlowLook>) {
-        if flow.as_ref().is_some_and(|flow| flow.layer.style.check().is_err()) {
+        let is_right = |flow: &FlowLook| {
+            flow.layer.style.check().is_ok() && flow.rate.is_none_or(|rate| FlowLook::check_rate(rate).is_ok())
+        };
+        if !flow.as_ref().is_none_or(is_right) {
             return;
         }
         if let Some(before) = std::mem::replace(&mut self.look.flow, flow)

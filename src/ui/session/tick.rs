@@ -192,7 +192,7 @@ impl Session {
                 Done::Function(Ok(tf), colors_only) => self.take_function(tf, colors_only),
                 Done::Function(Err(error), _) => self.fail(error.to_string()),
                 Done::Compared(error, _) => self.motion_error = Some(error),
-                Done::Flow(of, usual) => self.take_usual_flow(*of, usual),
+                Done::Flow(field, measure) => self.take_flow_measure(field, measure),
                 Done::FlowColors(by, colors) => self.take_flow_colors(by, *colors),
                 Done::Failed(problem) => {
                     (self.opens_field, self.is_saving) = (false, false);

@@ -43,10 +43,10 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
 fn pattern(ui: &mut Ui, session: &Session, flow: &mut FlowLook) {
     let icons =
         [(Icon::Strokes, "strokes"), (Icon::Lines, "lines"), (Icon::Particles, "particles"), (Icon::Arrows, "arrows")];
-    let usual = session.usual_flow();
+    let measure = session.flow_measure();
     choice(ui, "Icon (G)", &mut flow.layer.style.icon, &icons);
     ui.horizontal(|ui| {
-        let before = flow.layer.style.length.or(usual.map(|usual| usual.length)).unwrap_or_default();
+        let before = flow.layer.style.length.or(measure.map(|of| of.period(&flow.layer.style))).unwrap_or_default();
         let mut length = before;
         let value = DragValue::new(&mut length).range(1e-30..=f64::MAX).speed(0.01 * before);
         ui.add_enabled_ui(before > 0.0, |ui| {
@@ -60,8 +60,8 @@ fn pattern(ui: &mut Ui, session: &Session, flow: &mut FlowLook) {
     ui.horizontal(|ui| {
         let before = session.flow_rate().unwrap_or_default();
         let mut rate = before;
-        let speed = 0.01 * usual.map_or(1.0, |usual| usual.rate).max(f64::MIN_POSITIVE);
-        let value = DragValue::new(&mut rate).range(0.0..=f64::MAX).speed(speed);
+        let usual = measure.map_or(1.0, |of| of.rate(&flow.layer.style, Session::NOMINAL_FPS));
+        let value = DragValue::new(&mut rate).range(0.0..=f64::MAX).speed(0.01 * usual);
         ui.add_enabled_ui(session.flow_rate().is_some(), |ui| {
             let name = "Time of the series a second with which a held step flows on; 0: it stands still";
             number(ui, value.custom_formatter(|x, _| overlay::number(x)), name);
@@ -82,7 +82,9 @@ fn splats(ui: &mut Ui, session: &Session, style: &mut FlowStyle) {
         style.splats = Some(count).filter(|count| *count < vertices);
     }
     ui.horizontal(|ui| {
-        let value = DragValue::new(&mut style.size).range(0.05..=10.0).speed(0.01).max_decimals(2);
+        // What was chosen elsewhere stays as it is, whatever can be dragged to here.
+        let value = DragValue::new(&mut style.size).range(0.05..=10.0).clamp_existing_to_range(false);
+        let value = value.speed(0.01).max_decimals(2);
         number(ui, value.prefix("x "), "Size of splats, in edges of the cells around");
         ui.label("size");
         let mut percent = 100.0 * style.opacity;
