@@ -170,10 +170,11 @@ impl FrameCache {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_series;
+    use super::super::{FlowLayer, Layer, test_series};
     use super::*;
     use crate::camera::Camera;
     use crate::node_table::{Node, NodeTable};
+    use crate::render::flow::FlowStyle;
     use glam::DVec3;
 
     fn request(step: usize) -> FrameRequest {
@@ -256,6 +257,19 @@ mod tests {
         assert_eq!(kept(&mut cache), 2, "of those kept before none is left, and two fit");
         drop(beside);
         assert_eq!(kept(&mut cache), 4);
+    }
+
+    #[test]
+    fn a_moment_whose_flow_goes_on_is_not_kept_and_removes_nothing() {
+        let (pool, (series, _)) = (FramePool::default(), test_series::logged(5));
+        let flow = FlowLayer::new("velocity".to_owned(), FlowStyle::default());
+        let mut moment = request(2);
+        moment.layers.push(Layer::Flow(flow));
+        let held = moment.clone().holding(0.5, 0.1);
+        let mut cache = FrameCache::new(FrameBudget::new(1 << 20));
+        cache.put(&series, &moment, &pool.share(Frame::default()));
+        cache.put(&series, &held, &pool.share(Frame::default()));
+        assert!(cache.get(&series, &held).is_none() && cache.get(&series, &moment).is_some());
     }
 
     #[test]

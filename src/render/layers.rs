@@ -65,17 +65,15 @@ impl LayerFragments {
         Ok(Self { ends, fragments, is_textured: false })
     }
 
-    /// The fragments of rows of pixels, which follow each other in the rendered plane.
+    /// The textured fragments of rows of pixels, which follow each other in the rendered plane.
     pub(in crate::render) fn of_rows(rows: Vec<RowFragments>) -> Self {
         let mut ends = Vec::with_capacity(rows.iter().map(|row| row.ends.len()).sum());
-        let mut before = 0;
-        for row in &rows {
+        let mut fragments = Vec::with_capacity(rows.iter().map(|row| row.fragments.len()).sum());
+        for row in rows {
+            let before = fragments.len() as u32;
             ends.extend(row.ends.iter().map(|end| before + end));
-            before += row.fragments.len() as u32;
+            fragments.extend(row.fragments);
         }
-        let rows: Vec<_> = rows.into_iter().map(|row| row.fragments).collect();
-        let mut fragments = Vec::with_capacity(before as usize);
-        rows.iter().for_each(|row| fragments.extend_from_slice(row));
         Self { ends, fragments, is_textured: true }
     }
 

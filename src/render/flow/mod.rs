@@ -107,8 +107,8 @@ impl FlowStyle {
     /// Splats up to which each can be told from the others.
     pub const FEW: u32 = 1000;
 
-    /// Splats of which each can be seen in the volume of a mesh: at most [`Self::FEW`], as much wider as they are fewer than the vertices, and
-    /// their pattern as much longer.
+    /// Splats of which each can be seen in the volume of a mesh: at most [`Self::FEW`], which together fill as much of it as one a vertex. They
+    /// are wider, and their pattern is longer, by the cube root of how much fewer they are.
     pub fn few_on(mesh: &Mesh) -> Self {
         let usual = Self::default();
         let wider = (mesh.positions.local.len() as f64 / f64::from(Self::FEW)).cbrt();
@@ -116,7 +116,7 @@ impl FlowStyle {
             return usual;
         }
         let length = wider * usual_period(mesh) * mesh.positions.scale;
-        Self { splats: Some(Self::FEW), size: 0.9 * wider * usual.size, length: Some(length), ..usual }
+        Self { splats: Some(Self::FEW), size: wider * usual.size, length: Some(length), ..usual }
     }
 
     /// Colour of splats without a field: seen on black and on white.

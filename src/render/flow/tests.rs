@@ -258,7 +258,6 @@ fn a_held_moment_flows_on_by_its_speeds_and_what_is_too_fast_is_blurred() {
         let moved = (from[0] - to[0] - way / now.period()).rem_euclid(1.0);
         assert!(moved.min(1.0 - moved) < 1e-12 && from[1] == to[1], "{moved}");
     }
-    // Half of the pattern's way while the shutter is open lies before, and half behind.
     let of = |shutter: f64, vertex| Splat::of(&at(HeldFlow { time: 0.0, shutter }), vertex, &view);
     let sums = IconSums::of(Icon::default());
     let mut fast = 0;
@@ -268,7 +267,7 @@ fn a_held_moment_flows_on_by_its_speeds_and_what_is_too_fast_is_blurred() {
         };
         assert!(sharp.blur == 0.0 && slow.blur > 0.0 && spun.blur > 1e6);
         fast += u64::from(FlowCounts::is_fast(slow.blur));
-        // Over many periods the pattern is its mean across: as where the mean is over all of the way.
+        // Blurred over many periods, a row of the pattern is its mean, and all rows together are the icon's.
         let rows = (0..64).map(|row| spun.across(f64::from(row) / 64.0).opacity([2.0, 1.0], 1.0, sums));
         let mean = rows.sum::<f64>() / 64.0;
         assert!((mean / (MEAN * splat::window(1.0)) - 1.0).abs() < 1e-12, "{mean}");
@@ -279,13 +278,16 @@ fn a_held_moment_flows_on_by_its_speeds_and_what_is_too_fast_is_blurred() {
 }
 
 #[test]
-fn few_splats_cover_as_much_as_many_and_few_vertices_have_the_usual_ones() {
+fn few_splats_fill_as_much_as_one_a_vertex() {
     assert_eq!(FlowStyle::few_on(&mesh(3)), FlowStyle::default());
     let mesh = mesh(12);
     let few = FlowStyle::few_on(&mesh);
     assert!(few.check().is_ok() && few.splats == Some(1000) && few.size > 0.5, "{few:?}");
-    let usual = usual_period(&mesh) * mesh.positions.scale;
-    assert!((few.length.unwrap() / usual - few.size / 0.45).abs() < 1e-12);
+    // Volumes are as cubes of sizes; a few roundings each.
+    let [usual, wider] = [FlowStyle::default().size, few.size].map(|size| size.powi(3));
+    assert!((1000.0 * wider / (mesh.positions.local.len() as f64 * usual) - 1.0).abs() < 1e-12);
+    let period = usual_period(&mesh) * mesh.positions.scale;
+    assert!((few.length.unwrap() / period - few.size / FlowStyle::default().size).abs() < 1e-12);
 }
 
 #[test]

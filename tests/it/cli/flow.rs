@@ -88,8 +88,14 @@ fn a_held_step_flows_on_by_a_rate_and_a_rate_of_zero_stands_still() {
         let frames = (0..).map(|i| place.path(&format!("{name}_{i}.exr"))).take_while(|file| file.exists());
         frames.map(|file| read_exr(&file).unwrap().planes).collect()
     };
-    let usual = held("usual", &["--flow-hold", "0.8"]);
+    let usual = held("usual", &["--flow-hold", "0.8", "--stats", "s.json"]);
     assert_eq!(usual.len(), 4);
+    // A tenth of the volume over the series is faster than can be followed: some of a step's splats, and most are not.
+    let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(place.path("s.json")).unwrap()).unwrap();
+    for frame in stats.as_array().unwrap() {
+        let [fast, splats] = ["flow_fast", "flow_splats"].map(|name| frame["stats"][name].as_u64().unwrap());
+        assert!(fast > 0 && 4 * fast < splats, "{fast} of {splats}");
+    }
     for i in 1..4 {
         assert!((0..i).all(|j| apart(&usual[i], &usual[j]) > 1e-2), "{i}");
     }
