@@ -6,6 +6,7 @@
 fn resolve_pixel(tile: u32, local: u32, pixel: vec2<u32>) {
     ray_counts = Rays(false, false, false, 0u);
     light_transparent(ray_of_pixel(pixel));
+    ahead_begin(pixel);
     let fragments = fragments_of(tile, local);
     let first = fragments.x;
     let count = fragments.y;
@@ -13,6 +14,7 @@ fn resolve_pixel(tile: u32, local: u32, pixel: vec2<u32>) {
         sort(first, count);
     }
     gather(first, count);
+    meet_rest();
     textureStore(color_plane, pixel, optics.light);
     textureStore(depth_plane, pixel, vec4(light.visible_from, 0.0, 0.0, 0.0));
     if count > 0u {

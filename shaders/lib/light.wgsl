@@ -73,8 +73,15 @@ fn optics_add_piece(near: vec3<f32>, far: vec3<f32>, weights: vec2<f32>, share: 
     optics.pieces += 1u;
 }
 
-// Composites the segment from the last place through a cell to the next, or the part of it behind `front`; false if there is none.
+// Composites the segment from the last place through a cell to the next, with the fragments of other layers in front of its end, or the
+// part of it behind `front`; false if there is none.
 fn composite(cell: u32, to: real2) -> bool {
+    pass_ahead(cell, to);
+    return composite_part(cell, to);
+}
+
+// Composites the segment from the last place to another, in front of which no fragments of other layers are left.
+fn composite_part(cell: u32, to: real2) -> bool {
     var from_ = light.last;
     if from_.x < light.front {
         light.placed = false;

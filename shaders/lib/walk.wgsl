@@ -234,6 +234,7 @@ fn render_pixel(tile: u32, local: vec2<u32>, pixel: vec2<u32>) {
     path = Walk();
     path.ray = ray_of_pixel(pixel);
     light_transparent(path.ray);
+    ahead_begin(pixel);
     var starts: Starts;
     let entries = find_starts(path.ray, tile, local, real(-NOWHERE), 0u, &starts);
     var going = entries > 0u;
@@ -254,6 +255,7 @@ fn render_pixel(tile: u32, local: vec2<u32>, pixel: vec2<u32>) {
         }
         going = starts.count > 0u;
     }
+    meet_rest();
     textureStore(color_plane, pixel, optics.light);
     textureStore(depth_plane, pixel, vec4(light.visible_from, 0.0, 0.0, 0.0));
     if entries > 0u {

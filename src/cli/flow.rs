@@ -10,7 +10,7 @@ use anyhow::{Context, anyhow};
 /// Options for a field of vectors as textured splats.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct FlowArgs {
-    /// Show the flow of a field of vectors in motion, as textured splats within the volume, on the CPU (docs/flow.md)
+    /// Show the flow of a field of vectors in motion, as textured splats within the volume (docs/flow.md)
     #[arg(long, value_name = "FIELD")]
     flow: Option<String>,
     /// Pattern along the flow: strokes, lines, particles or arrows

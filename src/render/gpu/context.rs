@@ -205,7 +205,10 @@ impl Context {
         let of_cells = job.scalars.of_cells().is_some();
         let surfaces_are = |so: fn(&SurfaceScene) -> bool| job.surfaces.as_ref().is_some_and(so);
         let lacking = [
-            (job.fragments.is_some(), "cells together with fragments of other layers"),
+            (
+                job.fragments.is_some() && !job.contrasts().is_empty(),
+                "rays chosen by contrast, together with fragments of other layers",
+            ),
             (surfaces_are(|scene| !scene.planes().is_empty()), "cuts"),
             (surfaces_are(SurfaceScene::lights_volume), "light on the volume"),
             (surfaces_are(SurfaceScene::has_beside), "colours of another field"),

@@ -248,6 +248,11 @@ impl Params {
         })
     }
 
+    /// Depth from which the depths along rays are counted, from the eye, or, for parallel rays, from the camera's position; local units.
+    pub fn depth_behind_eye(&self) -> f64 {
+        depth_of(self.depth_origin) + f64::from(self.pivot)
+    }
+
     /// Number of tiles.
     pub fn tile_count(&self) -> usize {
         self.tiles[0] as usize * self.tiles[1] as usize

@@ -6,7 +6,7 @@ use super::layout::{
 };
 use super::point_params::{PointParams, point_flags};
 use super::shader_tests::{SPLITS, module, parse, parse_with};
-use super::shaders::{Element, FragmentKind, Gathering, Inside, Pass, Precision, Stage, stages};
+use super::shaders::{Along, Element, FragmentKind, Gathering, Inside, Pass, Precision, Stage, stages};
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dParams;
 use std::mem::offset_of;
@@ -109,7 +109,7 @@ fn the_parameters_of_the_face_renderer_have_the_same_layout() {
         assert_eq!(members(&module(stage), "ListParams"), (rust.clone(), size_of::<ListParams>()), "{stage:?}");
         checked += 1;
     }
-    assert_eq!(checked, 117);
+    assert_eq!(checked, 141);
 }
 
 #[test]
@@ -119,7 +119,7 @@ fn the_parameters_of_points_have_the_same_layout() {
     }
     let rust = rust_offsets!(enlarged_by, scale, radius, stands_for, least, flags, unused);
     let find = |element| Stage::Find(element, Pass::Count, Precision::Single);
-    let resolve = Stage::Resolve(Element::Tet, Gathering::Joint, Inside::Volume, Precision::Single);
+    let resolve = Stage::Resolve(Element::Tet, Along::cells(Gathering::Joint, Inside::Volume), Precision::Single);
     for stage in [find(Element::Tet), find(Element::Slab), find(Element::Ball), resolve] {
         assert_eq!(members(&module(stage), "PointParams"), (rust.clone(), size_of::<PointParams>()), "{stage:?}");
         for (name, flag) in [
@@ -147,9 +147,9 @@ fn constant(module: &naga::Module, name: &str) -> f64 {
 #[test]
 fn constants_are_the_same_in_rust_and_in_the_shaders() {
     let value = |stage: Stage, name: &str| constant(&module(stage), name);
-    let walk = Stage::Walk(Gathering::Scalar(OpticsKind::Exact), Inside::Volume, Precision::Single);
-    let resolve =
-        Stage::Resolve(Element::Face, Gathering::Scalar(OpticsKind::Exact), Inside::Volume, Precision::Single);
+    let along = Along::cells(Gathering::Scalar(OpticsKind::Exact), Inside::Volume);
+    let walk = Stage::Walk(along, Precision::Single);
+    let resolve = Stage::Resolve(Element::Face, along, Precision::Single);
     for (name, rust) in [
         ("TILE_PIXELS", layout::TILE_PIXELS as f64),
         ("FACE_WORDS", layout::FACE_WORDS as f64),
@@ -192,7 +192,7 @@ fn the_lists_of_rays_have_the_same_layout() {
         ($($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!(RayParams, $field))),*] };
     }
     let rust = rust_offsets!(contrast, listed_at, met_at, list_at, states_at);
-    let walk = Stage::WalkRays(Gathering::Joint, Inside::Surfaces, Precision::Single);
+    let walk = Stage::WalkRays(Along::cells(Gathering::Joint, Inside::Surfaces), Precision::Single);
     for stage in [walk, Stage::SplitDecide, Stage::SplitAppend, Stage::Fill] {
         assert_eq!(members(&module(stage), "RayParams"), (rust.clone(), size_of::<RayParams>()), "{stage:?}");
     }
@@ -267,7 +267,7 @@ fn the_parameters_of_the_pre_integrated_table_have_the_same_layout() {
         lengths,
     );
     let shader = members(
-        &module(Stage::Walk(Gathering::Scalar(OpticsKind::Table3d), Inside::Volume, Precision::Single)),
+        &module(Stage::Walk(Along::cells(Gathering::Scalar(OpticsKind::Table3d), Inside::Volume), Precision::Single)),
         "Table3dParams",
     );
     assert_eq!(shader, (rust, size_of::<Table3dParams>()));
@@ -289,10 +289,8 @@ fn the_parameters_of_a_grid_have_the_same_layout() {
         cells,
         cell_count,
     );
-    for stage in [
-        Stage::Walk(Gathering::Joint, Inside::Volume, Precision::Single),
-        Stage::Resolve(Element::Face, Gathering::Joint, Inside::Volume, Precision::Single),
-    ] {
+    let joint = Along::cells(Gathering::Joint, Inside::Volume);
+    for stage in [Stage::Walk(joint, Precision::Single), Stage::Resolve(Element::Face, joint, Precision::Single)] {
         assert_eq!(members(&module(stage), "JointParams"), (rust.clone(), size_of::<JointParams>()), "{stage:?}");
     }
 }
@@ -305,10 +303,8 @@ fn the_parameters_of_surfaces_have_the_same_layout() {
     let rust = rust_offsets!(SurfaceParams: light, count, normals, is_headlight, gradients, has_volume, sheets);
     let rust_sheet = rust_offsets!(SheetParams: front, back);
     for how in Gathering::ALL {
-        let inside = Inside::Surfaces;
-        for stage in
-            [Stage::Walk(how, inside, Precision::Single), Stage::Resolve(Element::Face, how, inside, Precision::Double)]
-        {
+        let along = Along::cells(how, Inside::Surfaces);
+        for stage in [Stage::Walk(along, Precision::Single), Stage::Resolve(Element::Face, along, Precision::Double)] {
             let (module, _) = parse_with(&stage.source(SPLITS[0]), stage.precision()).unwrap();
             assert_eq!(members(&module, "Surfaces"), (rust.clone(), size_of::<SurfaceParams>()), "{stage:?}");
             assert_eq!(members(&module, "Sheet"), (rust_sheet.clone(), size_of::<SheetParams>()), "{stage:?}");

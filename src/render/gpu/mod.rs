@@ -14,11 +14,11 @@
 //! | decode (codec `vq`) | `decode_vq.wgsl` | a vertex, or a cell that has a scalar |
 //! | view transform | `view_transform.wgsl` | a vertex, or eight cells that have scalars |
 //! | entries | `entries_count.wgsl`, `entries_scan.wgsl`, `entries_store.wgsl` | an entry face; a part of the tiles; an entry face |
-//! | walk and composite | `walk.wgsl` with `lib/optics_intervals.wgsl` and `lib/optics_exact.wgsl` or `lib/optics_partial.wgsl`, or with `lib/optics_table3d.wgsl` or `lib/optics_joint.wgsl`; and `lib/surfaces.wgsl`, or `lib/cell_scalars.wgsl` or `lib/cell_joint.wgsl` | a pixel, a workgroup is a tile |
+//! | walk and composite | `walk.wgsl` with `lib/optics_intervals.wgsl` and `lib/optics_exact.wgsl` or `lib/optics_partial.wgsl`, or with `lib/optics_table3d.wgsl` or `lib/optics_joint.wgsl`; and `lib/surfaces.wgsl`, or `lib/cell_scalars.wgsl` or `lib/cell_joint.wgsl`; and `lib/fragments_ahead.wgsl`, among other layers | a pixel, a workgroup is a tile |
 //! | count, store (`havs`, `points`) | `fragments_find.wgsl`, `fragments_pieces.wgsl` with `lib/face_hits.wgsl`, `lib/tet_hits.wgsl` or `lib/slab_hits.wgsl` (of `lib/slab_of_cell.wgsl` or `lib/slab_of_ball.wgsl`), and `lib/fragments_count.wgsl` or `lib/fragments_store.wgsl`; `face_starts.wgsl` | a face or a cell; half a row of a tile; a pixel |
 //! | scan (`havs`, `points`) | `fragments_scan.wgsl` | a pixel, a workgroup is a tile |
 //! | sort (of pixels of more than 1,024 fragments) | `fragments_sort.wgsl` | a pair of fragments, a workgroup is a tile |
-//! | resolve (`havs`, `points`) | `fragments_resolve.wgsl` with `lib/face_paths.wgsl` or `lib/point_light.wgsl`, optics and surfaces of the walk | a pixel, a workgroup is a tile |
+//! | resolve (`havs`, `points`) | `fragments_resolve.wgsl` with `lib/face_paths.wgsl` or `lib/point_light.wgsl`, optics, surfaces and other layers of the walk | a pixel, a workgroup is a tile |
 //!
 //! - **f32**, which is what every WGSL device has; f64 for the geometry of thin, visible cells where the device has it (`gpu::precision`).
 //!   View coordinates are sums of two f32 (x and y) or three (depth), products of 12-bit parts are exact, and edge functions that cancel
@@ -75,6 +75,8 @@ mod full_size;
 pub mod havs;
 #[cfg(feature = "gpu")]
 mod joint;
+#[cfg(feature = "gpu")]
+mod layer_fragments;
 #[cfg(feature = "gpu")]
 mod layers;
 #[cfg(feature = "gpu")]

@@ -2,7 +2,7 @@
 
 use super::buffers::GrowingBuffer;
 use super::context::Context;
-use super::layout::{COUNTERS, FAR, Params, RayLists, TILE_PX, depth_of};
+use super::layout::{COUNTERS, FAR, Params, RayLists, TILE_PX};
 use super::target::Target;
 use crate::image::Plane;
 use crate::render::{Planes, RenderError};
@@ -317,7 +317,7 @@ impl SliceData<'_> {
     /// Copies the pixels of the slice's tiles. Depths are converted from local units, as shaders count them, to world units: `scale`
     /// is the world length of a local unit.
     pub(super) fn copy_pixels(&self, planes: &mut Planes, params: &Params, scale: f64) {
-        let origin = depth_of(params.depth_origin) + f64::from(params.pivot);
+        let origin = params.depth_behind_eye();
         self.copy_plane(&mut planes.color, 0, |_| ());
         self.copy_plane(&mut planes.depth, self.places.depth, |depths| {
             for depth in depths {

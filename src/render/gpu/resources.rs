@@ -90,6 +90,8 @@ pub enum Resource {
     Reference,
     /// `ReferencePlane` of the small image's samples, to be read.
     SmallReference,
+    /// Fragments of other layers, by pixels, to be read.
+    LayerFragments,
     /// Accumulators of the small image.
     SmallColor,
     /// Depths of the small image.
@@ -197,6 +199,7 @@ impl Resource {
             Self::ReferencePlane => ("reference_plane", "layers of depth, 0 to 1", Plane(Texel::Rgba32Float)),
             Self::Reference => ("reference", "layers of depth, 0 to 1", Texture),
             Self::SmallReference => ("small_reference", "layers of depth at the samples, 0 to 1", Texture),
+            Self::LayerFragments => ("layer_fragments", "fragments of other layers", Texture),
             Self::SmallColor => ("small_color", "colour of the small image", Texture),
             Self::SmallDepth => ("small_depth", "depth of the small image", Texture),
             Self::EnlargedPlane => ("color_plane", "colour before the filter", Plane(Texel::Rgba32Float)),

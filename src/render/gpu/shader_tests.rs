@@ -3,8 +3,8 @@
 use super::layout::{self};
 use super::resources::{Binding, Kind};
 use super::shaders::{
-    Element, FragmentKind, Gathering, Inside, Moment, Pass, Precision, RECORD_PARTS_MAX, RecordSplit, Stage, Valued,
-    stages,
+    Along, Element, FragmentKind, Gathering, Inside, Moment, Pass, Precision, RECORD_PARTS_MAX, RecordSplit, Stage,
+    Valued, stages,
 };
 use crate::optics::OpticsKind;
 
@@ -51,9 +51,10 @@ fn every_shader_is_valid_and_has_its_entry_point() {
             checked += 1;
         }
     }
-    assert_eq!(checked, 2 * 187);
+    assert_eq!(checked, 2 * 235);
     // Only those in f64 need a device that has it.
-    let double = Stage::Walk(Gathering::Scalar(OpticsKind::Exact), Inside::Volume, Precision::Double).source(SPLITS[0]);
+    let exact = Along::cells(Gathering::Scalar(OpticsKind::Exact), Inside::Volume);
+    let double = Stage::Walk(exact, Precision::Double).source(SPLITS[0]);
     assert!(parse(&double).is_err());
     // The check can fail.
     let broken = Stage::ViewTransform.source(SPLITS[0]).replacen("params.vertex_count", "params.vertices", 1);
@@ -246,11 +247,11 @@ fn is_empty(stage: Stage, function: &str) -> bool {
 #[test]
 fn frames_without_surfaces_have_none_of_their_code() {
     // What lies in lib/surfaces.wgsl, and in what goes with it.
-    let of_surfaces = ["Surfaces", "Sheet", "surface_ray", "pass_sheets", "light_on", "clamp(scalar", "medium_part"];
+    let of_surfaces = ["Surfaces", "Sheet", "surface_ray", "pass_sheets", "light_on", "clamp(scalar"];
     let has = |stage: Stage, name: &str| stage.source(SPLITS[0]).contains(name);
     for stage in stages() {
-        let inside = match stage {
-            Stage::Walk(_, inside, _) | Stage::WalkRays(_, inside, _) | Stage::Resolve(_, _, inside, _) => Some(inside),
+        let along = match stage {
+            Stage::Walk(along, _) | Stage::WalkRays(along, _) | Stage::Resolve(_, along, _) => Some(along),
             Stage::Find(_, Pass::Store(_, inside), _)
             | Stage::FindPieces(_, Pass::Store(_, inside), _)
             | Stage::FaceStarts(Pass::Store(_, inside), _) => {
@@ -259,7 +260,11 @@ fn frames_without_surfaces_have_none_of_their_code() {
             }
             _ => None,
         };
-        match inside {
+        // Other layers cut segments, too.
+        let is_cut = along.is_some_and(|along| along.layers || along.inside == Inside::Surfaces);
+        assert_eq!(has(stage, "fn medium_part"), is_cut, "{stage:?}");
+        assert_eq!(has(stage, "layer_fragments"), along.is_some_and(|along| along.layers), "{stage:?}");
+        match along.map(|along| along.inside) {
             Some(Inside::Surfaces) => assert!(of_surfaces.iter().all(|name| has(stage, name)), "{stage:?}"),
             Some(Inside::Volume | Inside::Cells) => {
                 assert!(!of_surfaces.iter().any(|name| has(stage, name)), "{stage:?}")
@@ -267,12 +272,13 @@ fn frames_without_surfaces_have_none_of_their_code() {
             None => assert!(!of_surfaces[..5].iter().any(|name| has(stage, name)), "{stage:?}"),
         }
     }
-    let walk = |inside| Stage::Walk(Gathering::Scalar(OpticsKind::Exact), inside, Precision::Single);
+    let exact = Gathering::Scalar(OpticsKind::Exact);
+    let walk = |inside| Stage::Walk(Along::cells(exact, inside), Precision::Single);
     assert!(is_empty(walk(Inside::Volume), "medium_ray") && !is_empty(walk(Inside::Surfaces), "medium_ray"));
     let reads_cells = |inside| has(walk(inside), "number_behind_vertices(cell)");
     assert_eq!(Inside::ALL.map(reads_cells), [false, false, true]);
     // With a joint table, the values of its rows too; and fragments have none.
-    let joint = Stage::Resolve(Element::Face, Gathering::Joint, Inside::Cells, Precision::Single);
+    let joint = Stage::Resolve(Element::Face, Along::cells(Gathering::Joint, Inside::Cells), Precision::Single);
     let of_rows = "params.cell_count + 7u) / 8u * 8u + cell)";
     assert!(has(joint, of_rows) && !has(walk(Inside::Cells), of_rows));
     assert!(has(joint, &format!("FRAGMENT_PAIRS: u32 = {}u;", layout::FRAGMENT_BYTES / 8)));
@@ -283,12 +289,11 @@ fn transfer_functions_of_the_scalar_do_nothing_for_a_joint_table() {
     // What they call is empty, and what fragments have is what they had.
     for optics in OpticsKind::ALL {
         for function in ["medium_begin", "medium_pass", "medium_cut"] {
-            assert!(
-                is_empty(Stage::Walk(Gathering::Scalar(optics), Inside::Volume, Precision::Single), function),
-                "{optics}, {function}"
-            );
+            let along = Along::cells(Gathering::Scalar(optics), Inside::Volume);
+            assert!(is_empty(Stage::Walk(along, Precision::Single), function), "{optics}, {function}");
         }
     }
-    assert!(!is_empty(Stage::Walk(Gathering::Joint, Inside::Volume, Precision::Single), "medium_pass"));
+    let joint = Along::cells(Gathering::Joint, Inside::Volume);
+    assert!(!is_empty(Stage::Walk(joint, Precision::Single), "medium_pass"));
     assert_eq!(FragmentKind::Plain.bytes(), layout::FRAGMENT_BYTES);
 }

@@ -1,6 +1,6 @@
 //! The stages: their bindings, and their shaders, composed from parts. No other module knows the parts of a stage.
 
-pub use super::variants::{Element, FragmentKind, Gathering, Inside, Moment, Pass, Precision, Toward, Valued};
+pub use super::variants::{Along, Element, FragmentKind, Gathering, Inside, Moment, Pass, Precision, Toward, Valued};
 
 use super::resources::{Binding, Resource, declarations};
 use super::shader_parts as lib;
@@ -20,9 +20,9 @@ pub enum Stage {
     /// Stores the items of each tile.
     EntriesStore,
     /// Walks all rays from their entries through the cells.
-    Walk(Gathering, Inside, Precision),
-    /// Walks the rays of a list.
-    WalkRays(Gathering, Inside, Precision),
+    Walk(Along, Precision),
+    /// Walks the rays of a list, without other layers.
+    WalkRays(Along, Precision),
     /// Begins the next step of adaptive sampling once the rays of the last one are cast.
     SplitPlan,
     /// Decides which blocks between rays are split by their own corners.
@@ -46,7 +46,7 @@ pub enum Stage {
     /// Runs one round of sorting the fragments of deep pixels.
     FragmentSort(Element, FragmentKind),
     /// Orders and composites the fragments of each pixel.
-    Resolve(Element, Gathering, Inside, Precision),
+    Resolve(Element, Along, Precision),
     /// Chooses the next pieces of the boundary's large faces.
     LayersPlan,
     /// Computes the range of all depths.
@@ -95,21 +95,17 @@ pub fn stages() -> impl Iterator<Item = Stage> {
     let with = |precision: Precision| {
         let elements = [Element::Face, Element::Tet, Element::Slab, Element::Ball];
         let elements = elements.into_iter().filter(move |element| element.precision(precision) == precision);
-        let gathering = Gathering::ALL.into_iter().flat_map(|how| Inside::ALL.map(|inside| (how, inside)));
-        let walks = gathering.clone().flat_map(move |(how, inside)| {
-            [Stage::Walk(how, inside, precision), Stage::WalkRays(how, inside, precision)]
+        let walks = Along::all().flat_map(move |along| {
+            let listed = (!along.layers).then_some(Stage::WalkRays(along, precision));
+            [Stage::Walk(along, precision)].into_iter().chain(listed)
         });
-        walks.chain(elements.flat_map(move |element| listing(element, precision, gathering.clone())))
+        walks.chain(elements.flat_map(move |element| listing(element, precision)))
     };
     alike.into_iter().chain([Precision::Single, Precision::Double].into_iter().flat_map(with))
 }
 
 /// The stages with lists of fragments.
-fn listing(
-    element: Element,
-    precision: Precision,
-    gathering: impl Iterator<Item = (Gathering, Inside)>,
-) -> impl Iterator<Item = Stage> {
+fn listing(element: Element, precision: Precision) -> impl Iterator<Item = Stage> {
     let kinds = [FragmentKind::Plain, FragmentKind::Joint];
     let insides = Inside::OF_VERTICES.into_iter().filter(move |&inside| element.inside_of_fragments(inside) == inside);
     let stores = kinds.into_iter().flat_map(move |kind| insides.clone().map(move |inside| Pass::Store(kind, inside)));
@@ -117,10 +113,10 @@ fn listing(
         let starts = (element == Element::Face).then_some(Stage::FaceStarts(pass, precision));
         [Stage::Find(element, pass, precision), Stage::FindPieces(element, pass, precision)].into_iter().chain(starts)
     });
-    // All points are sorted and resolved alike.
+    // All points are sorted and resolved alike, and without other layers.
     let resolves = !element.is_slab();
-    let resolving = gathering.filter(move |_| resolves);
-    let resolving = resolving.map(move |(how, inside)| Stage::Resolve(element, how, inside, precision));
+    let resolving = Along::all().filter(move |along| resolves && (element == Element::Face || !along.layers));
+    let resolving = resolving.map(move |along| Stage::Resolve(element, along, precision));
     let sorts = resolves && precision == Precision::Single;
     let sorting = sorts.then(|| kinds.map(|kind| Stage::FragmentSort(element, kind)));
     finding.chain(sorting.into_iter().flatten()).chain(resolving)
@@ -197,9 +193,9 @@ impl Stage {
     /// The numbers that it computes with.
     pub fn precision(self) -> Precision {
         match self {
-            Self::Walk(_, _, precision)
-            | Self::WalkRays(_, _, precision)
-            | Self::Resolve(_, _, _, precision)
+            Self::Walk(_, precision)
+            | Self::WalkRays(_, precision)
+            | Self::Resolve(_, _, precision)
             | Self::Find(_, _, precision)
             | Self::FindPieces(_, _, precision)
             | Self::FaceStarts(_, precision) => precision,
@@ -227,16 +223,16 @@ impl Stage {
                 [&[Read(Params), Read(Vertices), Read(Items), Atomic(Bins)][..], &records].concat()
             }
             Self::EntriesScan => vec![Read(Params), Write(Bins)],
-            Self::Walk(how, inside, _) => {
+            Self::Walk(along, _) => {
                 let read = [Read(Params), Read(Vertices), Read(ActiveCells), Read(Bins)];
-                let [surfaces, _] = inside.bindings();
-                [&read[..], &records, &planes, how.tables(), surfaces].concat()
+                let [met, _] = along.bindings();
+                [&read[..], &records, &planes, &met].concat()
             }
-            Self::WalkRays(how, inside, _) => {
+            Self::WalkRays(along, _) => {
                 let read = [Read(Params), Read(RayParams), Read(Vertices), Read(ActiveCells), Read(Bins)];
                 let written = [Atomic(Rays), Write(SeenColorPlane), Write(SeenDepthPlane)];
-                let [surfaces, _] = inside.bindings();
-                [&read[..], &records, &written, how.tables(), surfaces].concat()
+                let [met, _] = along.bindings();
+                [&read[..], &records, &written, &met].concat()
             }
             Self::SplitPlan => vec![Read(Params), Read(Bins), Atomic(Rays), Write(Args)],
             Self::SplitDecide => {
@@ -286,14 +282,13 @@ impl Stage {
             }
             Self::FragmentScan => vec![Read(Params), Write(Lists)],
             Self::FragmentSort(..) => [&params[..], &[Read(Lists)], &fragments].concat(),
-            Self::Resolve(Element::Tet | Element::Slab | Element::Ball, how, inside, _) => {
-                let [_, surfaces] = inside.bindings();
-                let read = [Read(PointParams), Read(Lists), Read(Drawn)];
-                [&params[..], &read, &fragments, &planes, how.tables(), surfaces].concat()
-            }
-            Self::Resolve(Element::Face, how, inside, _) => {
-                let [_, surfaces] = inside.bindings();
-                [&params[..], &[Read(Lists), Read(ActiveCells)], &fragments, &planes, how.tables(), surfaces].concat()
+            Self::Resolve(element, along, _) => {
+                let [_, met] = along.bindings();
+                let read = match element {
+                    Element::Face => &[Read(Lists), Read(ActiveCells)][..],
+                    Element::Tet | Element::Slab | Element::Ball => &[Read(PointParams), Read(Lists), Read(Drawn)],
+                };
+                [&params[..], read, &fragments, &planes, &met].concat()
             }
         }
     }
@@ -311,7 +306,7 @@ impl Stage {
             | Self::FindPieces(_, Pass::Store(kind, _), _)
             | Self::FaceStarts(Pass::Store(kind, _), _)
             | Self::FragmentSort(_, kind) => kind,
-            Self::Resolve(_, how, inside, _) => FragmentKind::integrated(how, inside),
+            Self::Resolve(_, along, _) => FragmentKind::integrated(along.how, along.inside),
             _ => FragmentKind::Plain,
         };
         let RecordSplit { parts, shift } = split;
@@ -330,9 +325,9 @@ impl Stage {
             Self::ViewTransform => vec![lib::FRAME, lib::SUMS],
             Self::EntriesCount | Self::EntriesStore => vec![lib::FRAME, lib::CELLS, lib::BOXES, lib::ITEMS],
             Self::EntriesScan => vec![lib::FRAME, lib::SATURATING],
-            Self::Walk(how, inside, precision) => walking(how, inside, precision),
-            Self::WalkRays(how, inside, precision) => {
-                [walking(how, inside, precision), vec![lib::RAY_LIST, lib::RAY_BITS]].concat()
+            Self::Walk(along, precision) => walking(along, precision),
+            Self::WalkRays(along, precision) => {
+                [walking(along, precision), vec![lib::RAY_LIST, lib::RAY_BITS]].concat()
             }
             Self::SplitPlan => vec![lib::FRAME, lib::RAY_LIST, lib::STRIDES],
             Self::SplitDecide => {
@@ -347,8 +342,8 @@ impl Stage {
             Self::FaceStarts(pass, precision) => finding(Element::Face, pass, precision),
             Self::FragmentScan => [&[lib::FRAME][..], &LISTS, &[lib::SATURATING]].concat(),
             Self::FragmentSort(element, _) => [&[lib::FRAME][..], &LISTS, &STORED, &[order(element)]].concat(),
-            Self::Resolve(element, how, inside, precision) => {
-                let surfaces = match inside {
+            Self::Resolve(element, along, precision) => {
+                let surfaces = match along.inside {
                     Inside::Volume => &[][..],
                     Inside::Surfaces => &[lib::CORNERS, lib::BEHIND_VERTICES],
                     Inside::Cells => &[lib::BEHIND_VERTICES],
@@ -358,7 +353,7 @@ impl Stage {
                     Element::Tet | Element::Slab | Element::Ball => [lib::POINT_LIST, lib::POINT_LIGHT],
                 };
                 let sorted = [order(element), lib::SORT];
-                [&gathering(how, inside, precision)[..], &LISTS, &STORED, &sorted, &gathered, surfaces].concat()
+                [&gathering(along, precision)[..], &LISTS, &STORED, &sorted, &gathered, surfaces].concat()
             }
             Self::LayersPlan | Self::LayersRange | Self::LayersReference => [&[lib::FRAME][..], &LAYERS].concat(),
             Self::UpsampleJoint => vec![lib::FRAME, lib::TILES, lib::UPSAMPLE],
@@ -390,33 +385,39 @@ fn order(element: Element) -> &'static str {
 }
 
 /// Parts of the stages that integrate along rays.
-fn gathering(how: Gathering, inside: Inside, precision: Precision) -> Vec<&'static str> {
+fn gathering(along: Along, precision: Precision) -> Vec<&'static str> {
+    let Along { how, inside, layers } = along;
     let optics = match how {
         Gathering::Scalar(OpticsKind::Exact) => &[lib::WEIGHTS, lib::INTERVALS, lib::EXACT, lib::NO_JOINT][..],
         Gathering::Scalar(OpticsKind::Partial) => &[lib::WEIGHTS, lib::INTERVALS, lib::PARTIAL, lib::NO_JOINT],
         Gathering::Scalar(OpticsKind::Table3d) => &[lib::TABLE3D, lib::NO_JOINT],
         Gathering::Joint => &[lib::WEIGHTS, lib::JOINT],
     };
-    let surfaces = match (inside, how) {
-        (Inside::Volume, _) => &[lib::NO_SURFACES][..],
-        (Inside::Cells, Gathering::Scalar(_)) => &[lib::CELL_SCALARS],
-        (Inside::Cells, Gathering::Joint) => &[lib::CELL_JOINT],
-        (Inside::Surfaces, Gathering::Scalar(_)) => &[lib::SURFACES, lib::NO_JOINT_PARTS],
-        (Inside::Surfaces, Gathering::Joint) => &[lib::SURFACES, lib::JOINT_PARTS],
+    let met = match (inside, how) {
+        (Inside::Volume, _) => lib::NO_SURFACES,
+        (Inside::Cells, Gathering::Scalar(_)) => lib::CELL_SCALARS,
+        (Inside::Cells, Gathering::Joint) => lib::CELL_JOINT,
+        (Inside::Surfaces, _) => lib::SURFACES,
     };
+    let cut = match how {
+        _ if !layers && inside != Inside::Surfaces => &[][..],
+        Gathering::Scalar(_) => &[lib::NO_JOINT_PARTS],
+        Gathering::Joint => &[lib::JOINT_PARTS],
+    };
+    let ahead = if layers { lib::FRAGMENTS_AHEAD } else { lib::NOTHING_AHEAD };
     let all = [lib::FRAME, lib::SUMS, lib::MATH, lib::LIGHT, lib::COUNTERS];
-    [&all, &rays(inside, precision)[..], optics, surfaces].concat()
+    [&all, &rays(inside, precision)[..], optics, &[met], cut, &[ahead]].concat()
 }
 
 /// Parts of the stages that walk along rays.
-fn walking(how: Gathering, inside: Inside, precision: Precision) -> Vec<&'static str> {
-    let values = match (FragmentKind::integrated(how, inside), inside) {
+fn walking(along: Along, precision: Precision) -> Vec<&'static str> {
+    let values = match (FragmentKind::integrated(along.how, along.inside), along.inside) {
         (FragmentKind::Plain, Inside::Volume) => &[lib::NO_VERTEX_VALUES][..],
         (FragmentKind::Plain, Inside::Surfaces | Inside::Cells) => &[lib::NO_VERTEX_VALUES, lib::BEHIND_VERTICES],
         (FragmentKind::Joint, _) => &[lib::VERTEX_VALUES, lib::BEHIND_VERTICES],
     };
     let walk = [lib::CELLS, lib::ACTIVE, lib::CROSSING, lib::WALK];
-    [&gathering(how, inside, precision), values, &walk].concat()
+    [&gathering(along, precision), values, &walk].concat()
 }
 
 /// Parts for planar geometry.

@@ -2,6 +2,7 @@
 
 use super::buffers::{GpuScalars, GrowingBuffer, NUMBERS_PER_VERTEX, VertexBuffers};
 use super::context::Context;
+use super::layer_fragments::LayerTexture;
 use super::layout::{Params, flags};
 use super::pipelines::Pipelines;
 use super::resources::Resource;
@@ -22,6 +23,7 @@ pub(super) struct SharedScene {
     pub(super) scalars: GpuScalars,
     pub(super) table: Table,
     surfaces: SurfaceBuffer,
+    layers: LayerTexture,
     active_of: Option<(Arc<Mesh>, Arc<CellSet>)>,
     active: GrowingBuffer,
     target: Option<Arc<Target>>,
@@ -39,6 +41,7 @@ impl SharedScene {
             scalars: GpuScalars::new(),
             table: Table::new(),
             surfaces: SurfaceBuffer::new(),
+            layers: LayerTexture::new(),
             active_of: None,
             active: GrowingBuffer::new(Resource::ActiveCells),
             target: None,
@@ -53,7 +56,7 @@ impl SharedScene {
         self.bytes_sent += bytes;
     }
 
-    /// Begins a job: uploads its vertices, transfer function and surfaces unless they are on the GPU, and completes the parameters. The
+    /// Begins a job: uploads its vertices, transfer function, surfaces and fragments of other layers unless they are on the GPU, and completes the parameters. The
     /// caller has asked [`Table::is_transparent`].
     pub(super) fn upload(
         &mut self,
@@ -76,6 +79,7 @@ impl SharedScene {
             self.vertices.upload_values(context, job)?,
             self.table.update(context, job, map, params)?,
             self.surfaces.update(context, job, map, gradients, has_volume)?,
+            self.layers.update(context, job, params)?,
         ];
         uploaded.into_iter().for_each(|uploaded| self.note(uploaded));
         params.vertex_count = job.mesh.positions.local.len() as u32;
@@ -126,7 +130,7 @@ impl SharedScene {
 
     /// The planes that stages may bind.
     pub(super) fn planes(&self) -> Vec<(Resource, &wgpu::TextureView)> {
-        self.target.iter().flat_map(|target| target.planes()).collect()
+        self.target.iter().flat_map(|target| target.planes()).chain(self.layers.view()).collect()
     }
 
     /// Writes the parameters, and records decoding, if the scalars are compressed, and the view transform.

@@ -47,9 +47,10 @@ impl Table {
         self.tables.get(job).exact().is_transparent()
     }
 
-    /// Whether neither volume nor surfaces are visible.
+    /// Whether neither cells nor other layers are visible.
     pub(super) fn shows_nothing(&mut self, job: &RenderJob) -> bool {
-        job.surfaces.is_none() && self.is_transparent(job)
+        let no_cells = job.active.count() == 0 || job.surfaces.is_none() && self.is_transparent(job);
+        no_cells && job.fragments.is_none()
     }
 
     /// Uploads the table of the job's optics, over mapped scalars, and completes the parameters. Returns whether a buffer was made, and the

@@ -121,6 +121,41 @@ impl FragmentKind {
     }
 }
 
+/// What there is along rays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Along {
+    /// How segments are integrated.
+    pub how: Gathering,
+    /// What rays meet inside cells.
+    pub inside: Inside,
+    /// Whether fragments of other layers lie between segments.
+    pub layers: bool,
+}
+
+impl Along {
+    /// Segments alone.
+    pub const fn cells(how: Gathering, inside: Inside) -> Self {
+        Self { how, inside, layers: false }
+    }
+
+    /// All of them, with other layers and without.
+    pub fn all() -> impl Iterator<Item = Self> + Clone {
+        let cells = Gathering::ALL.into_iter().flat_map(|how| Inside::ALL.map(|inside| Self::cells(how, inside)));
+        cells.flat_map(|cells| [cells, Self { layers: true, ..cells }])
+    }
+
+    /// What there is along the rays of a job.
+    pub fn of(job: &RenderJob) -> Self {
+        Self { how: Gathering::of(job), inside: Inside::of(job), layers: job.fragments.is_some() }
+    }
+
+    /// Bindings of what there is between and inside cells, of the walk, and of renderers with lists.
+    pub(super) fn bindings(self) -> [Vec<Binding>; 2] {
+        let layers = self.layers.then_some(Binding::Read(Resource::LayerFragments));
+        self.inside.bindings().map(|inside| [self.how.tables(), inside].concat().into_iter().chain(layers).collect())
+    }
+}
+
 /// What rays meet inside cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Inside {
@@ -148,7 +183,7 @@ impl Inside {
     }
 
     /// Bindings beyond those of [`Gathering`]: of the walk, and of the face renderer.
-    pub(super) fn bindings(self) -> [&'static [Binding]; 2] {
+    fn bindings(self) -> [&'static [Binding]; 2] {
         const SURFACES: Binding = Binding::Read(Resource::Surfaces);
         match self {
             Self::Volume => [&[], &[]],
@@ -184,7 +219,7 @@ impl Gathering {
     }
 
     /// Bindings of the transfer function.
-    pub(super) fn tables(self) -> &'static [Binding] {
+    fn tables(self) -> &'static [Binding] {
         const TABLE: Binding = Binding::Read(Resource::Table);
         match self {
             Self::Scalar(OpticsKind::Exact | OpticsKind::Partial) => &[TABLE],

@@ -59,6 +59,33 @@ fn flow_is_drawn_within_the_volume_by_every_renderer_as_the_judge_draws_it() {
     }
 }
 
+#[cfg(feature = "gpu")]
+#[test]
+fn the_gpu_draws_what_the_cpu_draws_or_leaves_it_to_the_cpu() {
+    if crate::render::gpu::context().is_none() {
+        return;
+    }
+    let place = tornado();
+    let backends = |options: &[&str]| {
+        ["cpu", "gpu"].map(|backend| exr(&place, "11", &[options, &["--backend", backend]].concat()))
+    };
+    let lit = ["--surface", "solid:#ff8800:0.5", "--surface", "wireframe:#000000"];
+    for mode in ["raycast", "havs"] {
+        for options in [&FLOW[..], &[&FLOW[..], &["--no-volume"]].concat(), &[&FLOW[..], &lit].concat(), &lit] {
+            let [cpu, gpu] = backends(&[options, &["--mode", mode]].concat());
+            let [with, without] = [&gpu, &exr(&place, "11", &["--mode", mode])].map(|image| apart(image, &cpu));
+            assert!(
+                rmse(&cpu, &gpu) <= 1e-5 && with <= 1e-3 && without > 0.05,
+                "{mode}, {options:?}: {with} {without}"
+            );
+        }
+    }
+    for options in [&["--mode", "points"][..], &["--rays", "adaptive:0.1"]] {
+        let words = ["render", "t.zarr", "--field", "pressure", "-o", "x.png", "--steps", "1", "--backend", "gpu"];
+        place.refuses(&[&words[..], &FLOW, options].concat(), &["fragments of other layers", "backend cpu"]);
+    }
+}
+
 #[test]
 fn a_frame_that_was_sought_has_the_bits_of_the_one_that_was_played_and_contrast_decides_nothing() {
     let place = tornado();
@@ -144,7 +171,6 @@ fn flow_is_in_a_project_and_what_cannot_be_shown_is_refused_with_the_remedy() {
         (&["--flow", "velocity", "--flow-icon", "fish"], &["'fish'", "strokes, lines, particles or arrows"]),
         (&["--flow", "velocity", "--flow-color", "wind"], &["--flow-color", "'wind'"]),
         (&["--flow-icon", "lines"], &["required arguments"]),
-        (&["--flow", "velocity", "--backend", "gpu"], &["backend"]),
     ] {
         let words = ["render", "t.zarr", "--field", "pressure", "-o", "x.png", "--steps", "1", "--size", "8x8"];
         place.refuses(&[&words[..], options].concat(), parts);

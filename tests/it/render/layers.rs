@@ -14,11 +14,11 @@ use tetreel::visibility::Skip;
 
 /// A quad at a depth.
 #[derive(Clone)]
-struct Quad {
-    columns: Range<usize>,
-    rows: Range<usize>,
-    depth: f64,
-    rgba: [f32; 4],
+pub(super) struct Quad {
+    pub(super) columns: Range<usize>,
+    pub(super) rows: Range<usize>,
+    pub(super) depth: f64,
+    pub(super) rgba: [f32; 4],
 }
 
 impl Quad {
@@ -28,7 +28,7 @@ impl Quad {
 }
 
 /// The job with quads, each a layer of its own.
-fn with_quads(job: &RenderJob, quads: &[Quad]) -> RenderJob {
+pub(super) fn with_quads(job: &RenderJob, quads: &[Quad]) -> RenderJob {
     let (width, height) = (job.view.width_px, job.view.height_px);
     let of_quad = |quad: &Quad| {
         let pixels = quad.rows.clone().flat_map(|row| quad.columns.clone().map(move |column| row * width + column));
@@ -117,7 +117,7 @@ fn paths(job: &RenderJob) -> Vec<(&'static str, Frame)> {
 }
 
 /// Slabs of x in [0.25, 1] (scalar 0) and in [-1, -0.25] (scalar 1) of [-1, 1]^3.
-fn slabs() -> (Arc<Mesh>, Vec<f32>) {
+pub(super) fn slabs() -> (Arc<Mesh>, Vec<f32>) {
     let mesh = build(grid(8, 0.0, 1, |c| c.x.abs() > 0.25));
     let scalars = sample(&mesh, |p| f64::from(u8::from(p.x < 0.0)));
     (Arc::new(mesh), scalars)
@@ -231,7 +231,7 @@ fn what_is_before_the_near_plane_or_behind_something_opaque_is_not_seen() {
 }
 
 /// Quads by lot within the depths of a scene.
-fn random_quads(view: &View, depths: [f64; 2], seed: u64) -> Vec<Quad> {
+pub(super) fn random_quads(view: &View, depths: [f64; 2], seed: u64) -> Vec<Quad> {
     let of = |i: u64| 0.5 + 0.5 * noise(seed, i);
     let range = |i: u64, size: usize| {
         let at = (of(i) * size as f64) as usize;

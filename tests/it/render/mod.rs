@@ -14,6 +14,8 @@ mod joint_gpu;
 mod joint_orders;
 mod lattice;
 mod layers;
+#[cfg(feature = "gpu")]
+mod layers_gpu;
 mod many_nodes;
 mod partial;
 mod raycast;

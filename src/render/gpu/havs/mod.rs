@@ -22,7 +22,7 @@ use super::full_size::AtFullSize;
 use super::layout::{EYE_WORDS, ListParams, TILE_PIXELS, flags};
 use super::lists::steps::Stages;
 use super::lists::{Elements, FragmentLists, Plan};
-use super::shaders::{Element, FragmentKind, Gathering, Inside, Pass, Precision, Stage};
+use super::shaders::{Along, Element, FragmentKind, Pass, Precision, Stage};
 use super::surfaces::CornerBuffer;
 use crate::camera::View;
 use crate::render::cpu::havs::checked_faces;
@@ -67,14 +67,14 @@ impl Elements for Faces {
 
     fn plan(&mut self, job: &RenderJob, drawn: &Drawn, view: &View, precision: Precision) -> Plan {
         self.eye_cells = faces::eye_cells(job, view);
-        let (how, kind, inside) = (Gathering::of(job), FragmentKind::of(job), Inside::of(job));
-        let passes = [Pass::Count, Pass::Store(kind, Element::Face.inside_of_fragments(inside))];
+        let (kind, along) = (FragmentKind::of(job), Along::of(job));
+        let passes = [Pass::Count, Pass::Store(kind, Element::Face.inside_of_fragments(along.inside))];
         let stages = Stages {
             find: passes.map(|pass| Stage::Find(Element::Face, pass, precision)),
             pieces: passes.map(|pass| Stage::FindPieces(Element::Face, pass, precision)),
             starts: Some(passes.map(|pass| Stage::FaceStarts(pass, precision))),
             sort: Stage::FragmentSort(Element::Face, kind),
-            resolve: Stage::Resolve(Element::Face, how, inside, precision),
+            resolve: Stage::Resolve(Element::Face, along, precision),
         };
         let list_params = ListParams {
             drawn_count: drawn.ids.len() as u32,

@@ -313,7 +313,7 @@ impl<E: Elements> LayerRenderer for FragmentLists<E> {
         self.context.check_job(&job)?;
         let mut params = eye::params(&self.context, &view)?;
         self.bands.clear();
-        if self.scene.shared.table.shows_nothing(&job) || job.active.count() == 0 || drawn.ids.is_empty() {
+        if self.scene.shared.table.shows_nothing(&job) || drawn.ids.is_empty() && job.fragments.is_none() {
             // All pixels are transparent: the frame is complete.
             frame.clear(view.plane_px());
             return Ok(None);

@@ -33,7 +33,7 @@ use super::lists::steps::Stages;
 use super::lists::{Elements, FragmentLists, Plan};
 use super::point_params::PointParams;
 use super::resources::Resource;
-use super::shaders::{Element, FragmentKind, Gathering, Inside, Pass, Precision, Stage};
+use super::shaders::{Along, Element, FragmentKind, Gathering, Inside, Pass, Precision, Stage};
 use super::surfaces::CornerBuffer;
 use crate::camera::View;
 use crate::render::cpu::points::checked_points;
@@ -88,6 +88,9 @@ impl Elements for PointList {
         if job.surfaces.is_some() && !points.style.is_exact() {
             return Err(context.beyond("isosurfaces among points that are not the cells".to_owned()));
         }
+        if job.fragments.is_some() {
+            return Err(context.beyond("points together with fragments of other layers".to_owned()));
+        }
         if points.style.constant_scalar {
             return Err(context.beyond("one scalar in each cell of points".to_owned()));
         }
@@ -109,7 +112,7 @@ impl Elements for PointList {
             pieces: passes.map(|pass| Stage::FindPieces(element, pass, precision)),
             starts: None,
             sort: Stage::FragmentSort(element.resolved_as(), kind),
-            resolve: Stage::Resolve(element.resolved_as(), how, inside, precision),
+            resolve: Stage::Resolve(element.resolved_as(), Along::cells(how, inside), precision),
         };
         self.params = PointParams::new(style, view, job.mesh.is_cloud());
         let eye_cells = if style.is_exact() { eye::cells(job, view) } else { Vec::new() };

@@ -34,7 +34,7 @@ use super::layout::Params;
 use super::precision::PrecisionChoice;
 use super::presenter::Presenter;
 use super::readback::{Readback, Sent};
-use super::shaders::{Gathering, Inside, Precision, Stage};
+use super::shaders::{Along, Precision, Stage};
 use super::slices::{GROUPS_MAX, IN_FLIGHT, SLICE, UnitCost};
 use super::target::Target;
 use crate::render::adaptive::LAST;
@@ -201,7 +201,7 @@ impl CellWalk {
             if fills {
                 rays.record_fill(&self.context, tiles.len(), &mut pass)?;
             } else {
-                let walk = Stage::Walk(Gathering::of(&active.job), Inside::of(&active.job), active.precision);
+                let walk = Stage::Walk(Along::of(&active.job), active.precision);
                 pipelines.dispatch(&self.context, walk, tiles.len() as u32, &mut pass)?;
             }
         }
@@ -279,7 +279,7 @@ impl LayerRenderer for CellWalk {
         self.context.check_job(&job)?;
         self.preview = None;
         eye::params(&self.context, &view)?;
-        if self.scene.shared.table.shows_nothing(&job) || job.active.count() == 0 {
+        if self.scene.shared.table.shows_nothing(&job) {
             // All pixels are transparent: the frame is complete.
             frame.clear(view.plane_px());
             return Ok(None);

@@ -24,7 +24,7 @@ use crate::render::gpu::context::Context;
 use crate::render::gpu::full_size::reads_pixels;
 use crate::render::gpu::layout::RayLists;
 use crate::render::gpu::readback::{Sent, SliceData, counted};
-use crate::render::gpu::shaders::{Gathering, Inside, Stage};
+use crate::render::gpu::shaders::{Along, Stage};
 use crate::render::gpu::slices::{GROUPS_MAX, IN_FLIGHT, UnitCost};
 use crate::render::{Contrast, Frame, LayerRenderer, RenderError, RenderJob};
 use crate::stats::FrameStats;
@@ -141,7 +141,7 @@ impl CellWalk {
         let mut encoder = self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = active.target.pass(&mut encoder, "walk of rays", Some(4));
-            let walk = Stage::WalkRays(Gathering::of(&active.job), Inside::of(&active.job), active.precision);
+            let walk = Stage::WalkRays(Along::of(&active.job), active.precision);
             self.scene.rays.record(&self.context, walk, groups, &mut pass)?;
         }
         let head = Some((self.scene.rays.rays.get(&self.context)?, 0, RayLists::HEAD));

@@ -9,7 +9,7 @@ use crate::render::gpu::context::Context;
 use crate::render::gpu::layout::{PAIR_WORDS, Params};
 use crate::render::gpu::pipelines::Pipelines;
 use crate::render::gpu::resources::Resource;
-use crate::render::gpu::shaders::{Gathering, Inside, Precision, RecordSplit, Stage};
+use crate::render::gpu::shaders::{Along, Precision, RecordSplit, Stage};
 use crate::render::gpu::shared_scene::SharedScene;
 use crate::render::gpu::target::Target;
 use crate::render::{RenderError, RenderJob};
@@ -85,8 +85,8 @@ impl Scene {
         let split = RecordSplit::new(cells, context.binding_bytes());
         let split = split.ok_or_else(|| context.beyond(format!("a mesh of {cells} cells is too large for it")))?;
         let stages = [Stage::ViewTransform, Stage::EntriesCount, Stage::EntriesScan, Stage::EntriesStore];
-        let (how, inside) = (Gathering::of(job), Inside::of(job));
-        let walk = (!is_sampled).then_some(Stage::Walk(how, inside, precision));
+        let along = Along::of(job);
+        let walk = (!is_sampled).then_some(Stage::Walk(along, precision));
         self.pipelines.prepare(context, split, stages.into_iter().chain(walk))?;
         self.shared.upload(context, job, params)?;
         self.shared.note(self.records.upload(context, &job.mesh, split)?);
@@ -94,7 +94,7 @@ impl Scene {
         self.shared.upload_active(context, job)?;
         let (target, is_resized) = self.shared.resize(context, params)?;
         if is_sampled {
-            self.rays.update(context, target.size_px, Stage::WalkRays(how, inside, precision), split)?;
+            self.rays.update(context, target.size_px, Stage::WalkRays(along, precision), split)?;
         } else {
             self.rays.forget_other(target.size_px);
         }
