@@ -13,7 +13,7 @@ use crate::render::flow::{self, FlowColors, FlowScene, FlowStyle, HeldFlow, Shap
 use crate::render::reference::flow_fragments;
 use crate::render::surfaces::FieldBeside;
 use crate::stats::FrameStats;
-use crate::store::StoredField;
+use crate::store::{StoredField, StoredTravel};
 use crate::task::Cancel;
 use crate::visibility::CellSet;
 use serde::{Deserialize, Serialize};
@@ -130,6 +130,8 @@ pub(super) struct DecodeFlow {
     field: String,
     of: Weak<Mesh>,
     components: [StepCache; 3],
+    /// The series of the first component of `travel`.
+    travel_of: Weak<Series>,
     travel: Travel,
     colors: StepCaches,
 }
@@ -151,6 +153,10 @@ impl DecodeFlow {
             *self = Self { field: layer.field.clone(), of: Arc::downgrade(&series.mesh), ..Self::default() };
         }
         let fields = components(series, &layer.field)?;
+        if self.travel_of.as_ptr() != Arc::as_ptr(&fields[0]) {
+            self.travel.turn_to(stored_travel(&fields));
+            self.travel_of = Arc::downgrade(&fields[0]);
+        }
         let colors = self.colors(series, layer, time, cancel, stats)?;
         let Self { components, travel, .. } = self;
         let mut vectors = |time: FrameTime| -> Result<Option<[Arc<Vec<f32>>; 3]>, PipelineError> {
@@ -162,7 +168,10 @@ impl DecodeFlow {
             Ok(Some([x, y, z]))
         };
         let mut speeds = |step: usize| Ok::<_, PipelineError>(vectors(step.into())?.map(|vectors| speeds_of(&vectors)));
-        let travel = travel.at(&series.times, time, &mut speeds)?.ok_or(PipelineError::Cancelled)?;
+        let way = travel.at(&series.times, time, &mut speeds);
+        // Sums that were made before it was cancelled, too.
+        travel.keep();
+        let travel = way?.ok_or(PipelineError::Cancelled)?;
         let vectors = vectors(time)?.ok_or(PipelineError::Cancelled)?;
         let held = HeldFlow { time: layer.held, shutter: layer.shutter };
         Ok(FlowValues { style: layer.style, held, vectors, travel, colors })
@@ -212,6 +221,12 @@ fn components(series: &Series, field: &str) -> Result<[Arc<Series>; 3], RequestE
         Association::Cell => Err(RequestError::Flow(of_cells(field))),
         Association::Point => Ok(found),
     }
+}
+
+/// The ways of vectors that their store has; `None` if they are of no store that keeps any.
+fn stored_travel(components: &[Arc<Series>; 3]) -> Option<StoredTravel> {
+    let [x, y, z] = components.each_ref().map(|of| of.source.reader());
+    StoredTravel::of([x?, y?, z?], &components[0].times)
 }
 
 /// The lengths of vectors; 0 where they are not finite.
