@@ -173,6 +173,7 @@ impl DecodeFlow {
         travel.keep();
         let travel = way?.ok_or(PipelineError::Cancelled)?;
         let vectors = vectors(time)?.ok_or(PipelineError::Cancelled)?;
+        stats.flow_still = is_still(&vectors);
         let held = HeldFlow { time: layer.held, shutter: layer.shutter };
         Ok(FlowValues { style: layer.style, held, vectors, travel, colors })
     }
@@ -221,6 +222,12 @@ fn components(series: &Series, field: &str) -> Result<[Arc<Series>; 3], RequestE
         Association::Cell => Err(RequestError::Flow(of_cells(field))),
         Association::Point => Ok(found),
     }
+}
+
+/// Whether all vectors are 0, or not finite.
+fn is_still([x, y, z]: &[Arc<Vec<f32>>; 3]) -> bool {
+    let flows = |vector: [f32; 3]| vector.iter().all(|c| c.is_finite()) && vector.iter().any(|c| *c != 0.0);
+    !x.iter().zip(&**y).zip(&**z).any(|((x, y), z)| flows([*x, *y, *z]))
 }
 
 /// The ways of vectors that their store has; `None` if they are of no store that keeps any.
