@@ -56,7 +56,9 @@ impl Travel {
         }
         self.settle();
         let (first, sums) = (self.in_store, self.in_store + self.kept.len());
-        let Some(stored) = self.stored.clone().filter(|_| !self.kept.is_empty() && self.offered != sums) else { return };
+        let Some(stored) = self.stored.clone().filter(|_| !self.kept.is_empty() && self.offered != sums) else {
+            return;
+        };
         self.offered = sums;
         let kept = self.kept.clone();
         let store = move || match stored.keep(first, &kept) {

@@ -52,10 +52,14 @@ impl StoredTravel {
     pub const STEPS: usize = 8;
 
     /// Those of the vectors with these components, whose steps have these times. `None` if an older version has written the store, without
-    /// checksums of values.
+    /// checksums of values, or if they have other numbers of steps.
     pub fn of(components: [&FieldReader; 3], times: &TimeAxis) -> Option<Self> {
         let fields = components.map(FieldReader::info);
         let series = &components[0].series;
+        // A store that grows may be opened twice.
+        if components.iter().any(|of| of.series.steps != series.steps) {
+            return None;
+        }
         let folder = fields[0].folder.replacen("%3A0", "", 1);
         Some(Self {
             root: series.root.clone(),
