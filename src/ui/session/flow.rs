@@ -153,7 +153,8 @@ impl Session {
             || fields.first().map(|field| FlowLook::new((*field).to_owned(), FlowStyle::few_on(self.series().mesh())));
         match before.or_else(first) {
             Some(flow) => self.set_flow(Some(flow)),
-            None => self.fail("the series has no vectors at its vertices whose flow could be shown".to_owned()),
+            None => self
+                .fail("the series has no vectors in cells or at their vertices whose flow could be shown".to_owned()),
         }
     }
 

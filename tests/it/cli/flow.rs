@@ -166,7 +166,8 @@ fn that_nothing_flows_is_said_once_a_run_and_the_volume_is_drawn() {
         let store = format!("{name}.zarr");
         place.ok(&["import", "run/tornado.pvd", "-o", &store, "--define", &define, "--quiet"]);
         let run = |options: &[&str]| {
-            let words = ["render", &store, "--field", "pressure", "--size", "24x18", "--exr", "raw", "--stats", "s.json"];
+            let words =
+                ["render", &store, "--field", "pressure", "--size", "24x18", "--exr", "raw", "--stats", "s.json"];
             let run = place.run(&[&words[..], options].concat());
             assert_eq!(run.code, Some(0), "{}", run.err);
             run.err.matches("nothing flows").count()

@@ -98,7 +98,19 @@ fn the_first_frame_leaves_its_sums_and_a_seek_then_decodes_at_most_eight_steps()
     assert!(frame(&place, 19).0 == first && kept(&place) == left);
     // Whoever plays leaves the same.
     fs::remove_dir_all(place.path("t.zarr/flow")).unwrap();
-    place.ok(&["render", "t.zarr", "-o", "p_%02d.exr", "--exr", "raw", "--flow", "velocity", "--size", "48x36", "--quiet"]);
+    place.ok(&[
+        "render",
+        "t.zarr",
+        "-o",
+        "p_%02d.exr",
+        "--exr",
+        "raw",
+        "--flow",
+        "velocity",
+        "--size",
+        "48x36",
+        "--quiet",
+    ]);
     assert!(kept(&place) == left && frame(&place, 19) == (first, decoded(&place, 4)));
 }
 
