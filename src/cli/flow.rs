@@ -16,10 +16,10 @@ pub(super) struct FlowArgs {
     /// Pattern along the flow: strokes, lines, particles or arrows
     #[arg(long, value_name = "ICON", default_value = "strokes", requires = "flow")]
     flow_icon: Icon,
-    /// Number of splats, evenly through the volume (default: one at each vertex)
+    /// Number of splats, evenly through the volume (default: one at each vertex, or in each cell if the vectors are of cells)
     #[arg(long, value_name = "N", requires = "flow", value_parser = clap::value_parser!(u32).range(1..))]
     flow_splats: Option<u32>,
-    /// Width of a splat, in edges of the cells at its vertex
+    /// Width of a splat, in edges of the cells around
     #[arg(long, value_name = "C", default_value_t = FlowStyle::default().size, requires = "flow", allow_hyphen_values = true)]
     flow_size: f64,
     /// Length of a period of the pattern, in world units (default: four edges of the mesh)

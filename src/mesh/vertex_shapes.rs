@@ -33,6 +33,15 @@ impl Mesh {
         });
         shapes
     }
+
+    /// The mean of e e^T over the six edges of each cell, in local units squared.
+    pub fn cell_shapes(&self) -> Vec<Symmetric> {
+        let shape = |tet: &[u32; 4]| {
+            let [a, b, c, d] = self.positions.corners(*tet).map(|corner| corner.as_dvec3());
+            mean_of_edges([b - a, c - a, d - a, c - b, d - b, d - c].into_iter())
+        };
+        self.topology.tets.par_iter().map(shape).collect()
+    }
 }
 
 /// The mean of e e^T; zero without an edge.
@@ -51,6 +60,17 @@ mod tests {
     use super::*;
     use crate::mesh::RawMesh;
     use crate::mesh::test_meshes::kuhn_grid;
+
+    #[test]
+    fn a_cell_has_the_mean_of_its_six_edges() {
+        let points = vec![DVec3::ZERO, DVec3::X, 2.0 * DVec3::Y, DVec3::Z];
+        let mesh = Mesh::build(RawMesh { points, cells: vec![[0, 1, 2, 3]].into() }).unwrap().0;
+        let scale = mesh.positions.scale;
+        // Edges (1, 0, 0), (0, 2, 0), (0, 0, 1), (-1, 2, 0), (-1, 0, 1), (0, -2, 1).
+        let expected = [3.0, -2.0, -1.0, 12.0, -2.0, 3.0].map(|sum| sum / 6.0 / scale / scale);
+        let [found] = mesh.cell_shapes()[..] else { panic!("one cell") };
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() <= 4.0 * f64::EPSILON), "{found:?} {expected:?}");
+    }
 
     #[test]
     fn a_corner_of_a_cell_has_the_mean_of_its_three_edges() {

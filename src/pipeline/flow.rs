@@ -13,7 +13,7 @@ use crate::render::flow::{self, FlowColors, FlowScene, FlowStyle, HeldFlow, Shap
 use crate::render::reference::flow_fragments;
 use crate::render::surfaces::FieldBeside;
 use crate::stats::FrameStats;
-use crate::store::StoredField;
+use crate::store::{StoredField, StoredTravel};
 use crate::task::Cancel;
 use crate::visibility::CellSet;
 use serde::{Deserialize, Serialize};
@@ -66,19 +66,28 @@ impl FlowLayer {
     /// # Errors
     /// If the series has no such vectors, or none of them can be read.
     pub fn measure(&self, series: &Series, cancel: &Cancel) -> Result<Option<FlowMeasure>, PipelineError> {
-        let Some(speeds) = speeds(&components(series, &self.field)?, cancel)? else { return Ok(None) };
+        let components = components(series, &self.field)?;
+        let Some(speeds) = speeds(&components, cancel)? else { return Ok(None) };
         let speed =
             [0.9, 1.0].map(|share| speeds.value_at(share).map_or(0.0, f64::from)).into_iter().find(|&v| v > 0.0);
-        let period = flow::usual_period(&series.mesh) * series.mesh.positions.scale;
+        let period = flow::usual_period(&series.mesh, components[0].values_of()) * series.mesh.positions.scale;
         Ok(Some(FlowMeasure { speed: speed.unwrap_or(0.0), period }))
     }
 
     /// Why a series cannot show it.
     ///
     /// # Errors
-    /// If the series has no such vectors at its vertices, or no cells around them.
+    /// If the series has no such vectors, or no cells around them, or what has the colours' scalars does not have them.
     pub fn check(&self, series: &Series) -> Result<(), RequestError> {
-        components(series, &self.field).map(drop)
+        let components = components(series, &self.field)?;
+        match &self.colors {
+            Some(ColorsBeside { field, .. }) => {
+                let no_field = |error| RequestError::NoFieldBeside(format!("'{field}': {error}"));
+                let Ok(selector) = field.parse();
+                check_colors(&*series.beside(&selector).map_err(no_field)?, &components[0])
+            }
+            None => Ok(()),
+        }
     }
 }
 
@@ -105,11 +114,10 @@ impl FlowMeasure {
     }
 }
 
-/// The fields of a store that flow can show, in its order: of vertices, with three components.
+/// The fields of a store that flow can show, in its order: with three components.
 pub fn vector_fields(fields: &[StoredField]) -> Vec<&str> {
     let has = |name: &str, component| fields.iter().any(|field| field.name == format!("{name}:{component}"));
-    let of_vertices = fields.iter().filter(|field| field.values_of == Association::Point);
-    let names = of_vertices.filter_map(|field| field.name.strip_suffix(":0"));
+    let names = fields.iter().filter_map(|field| field.name.strip_suffix(":0"));
     names.filter(|name| has(name, 1) && has(name, 2) && !has(name, 3)).collect()
 }
 
@@ -118,6 +126,7 @@ pub fn vector_fields(fields: &[StoredField]) -> Vec<&str> {
 pub(super) struct FlowValues {
     style: FlowStyle,
     held: HeldFlow,
+    sites: Association,
     vectors: [Arc<Vec<f32>>; 3],
     travel: Arc<Vec<f64>>,
     colors: FlowColors,
@@ -130,6 +139,8 @@ pub(super) struct DecodeFlow {
     field: String,
     of: Weak<Mesh>,
     components: [StepCache; 3],
+    /// The series of the first component of `travel`.
+    travel_of: Weak<Series>,
     travel: Travel,
     colors: StepCaches,
 }
@@ -138,7 +149,7 @@ impl DecodeFlow {
     /// The values of a layer at a time.
     ///
     /// # Errors
-    /// If the series has no such vectors at its vertices, or no such colours, or they cannot be read, or `Cancelled`.
+    /// If the series has no such vectors, or no such colours beside them, or they cannot be read, or `Cancelled`.
     pub(super) fn run(
         &mut self,
         series: &Arc<Series>,
@@ -151,7 +162,12 @@ impl DecodeFlow {
             *self = Self { field: layer.field.clone(), of: Arc::downgrade(&series.mesh), ..Self::default() };
         }
         let fields = components(series, &layer.field)?;
-        let colors = self.colors(series, layer, time, cancel, stats)?;
+        if self.travel_of.as_ptr() != Arc::as_ptr(&fields[0]) {
+            self.travel.turn_to(stored_travel(&fields));
+            self.travel_of = Arc::downgrade(&fields[0]);
+        }
+        let sites = fields[0].values_of();
+        let colors = self.colors(series, (layer, &fields[0]), time, cancel, stats)?;
         let Self { components, travel, .. } = self;
         let mut vectors = |time: FrameTime| -> Result<Option<[Arc<Vec<f32>>; 3]>, PipelineError> {
             let mut found = [const { None }; 3];
@@ -162,16 +178,20 @@ impl DecodeFlow {
             Ok(Some([x, y, z]))
         };
         let mut speeds = |step: usize| Ok::<_, PipelineError>(vectors(step.into())?.map(|vectors| speeds_of(&vectors)));
-        let travel = travel.at(&series.times, time, &mut speeds)?.ok_or(PipelineError::Cancelled)?;
+        let way = travel.at(&series.times, time, &mut speeds);
+        // Sums that were made before it was cancelled, too.
+        travel.keep();
+        let travel = way?.ok_or(PipelineError::Cancelled)?;
         let vectors = vectors(time)?.ok_or(PipelineError::Cancelled)?;
+        stats.flow_still = is_still(&vectors);
         let held = HeldFlow { time: layer.held, shutter: layer.shutter };
-        Ok(FlowValues { style: layer.style, held, vectors, travel, colors })
+        Ok(FlowValues { style: layer.style, held, sites, vectors, travel, colors })
     }
 
     fn colors(
         &mut self,
         series: &Series,
-        layer: &FlowLayer,
+        (layer, vectors): (&FlowLayer, &Series),
         time: FrameTime,
         cancel: &Cancel,
         stats: &mut FrameStats,
@@ -180,19 +200,26 @@ impl DecodeFlow {
         let Some(ColorsBeside { field, colors }) = &layer.colors else { return Ok(FlowColors::One(FlowStyle::COLOR)) };
         let no_field = |error| RequestError::NoFieldBeside(format!("'{field}': {error}"));
         let other = series.beside(&field.parse().map_err(no_field)?)?;
-        if other.values_of() == Association::Cell {
-            return Err(RequestError::Flow(of_cells(field)).into());
-        }
+        check_colors(&other, vectors)?;
         let scalars = self.colors.of(field).show(&other, time, None, cancel, stats)?.ok_or(PipelineError::Cancelled)?;
         Ok(FlowColors::Of(FieldBeside { scalars: other.scalars(scalars), colors: colors.clone() }))
     }
 }
 
-fn of_cells(field: &str) -> String {
-    format!("'{field}' has values of cells, and splats are at vertices; import the series with --cells-to-points")
+/// Refuses to colour vectors by a field that has other values: of vertices or of cells.
+fn check_colors(colors: &Series, vectors: &Series) -> Result<(), RequestError> {
+    if colors.values_of() == vectors.values_of() {
+        return Ok(());
+    }
+    let word = |of: &Series| if of.values_of() == Association::Point { "vertices" } else { "cells" };
+    let (of, needed) = (word(colors), word(vectors));
+    Err(RequestError::Flow(format!(
+        "'{}' has values of {of}, and the vectors of {needed}; colour the flow by a field of {needed}",
+        colors.field.name
+    )))
 }
 
-/// The components of a field of vectors of vertices, with cells around.
+/// The components of a field of vectors, with cells around.
 fn components(series: &Series, field: &str) -> Result<[Arc<Series>; 3], RequestError> {
     if series.mesh.is_cloud() {
         let problem = "splats are as wide as the cells around, and the series is of points alone; leave flow out";
@@ -208,10 +235,24 @@ fn components(series: &Series, field: &str) -> Result<[Arc<Series>; 3], RequestE
         ))
     };
     let found = [component(0).map_err(none)?, component(1).map_err(none)?, component(2).map_err(none)?];
-    match found[0].values_of() {
-        Association::Cell => Err(RequestError::Flow(of_cells(field))),
-        Association::Point => Ok(found),
+    if found.iter().any(|of| of.values_of() != found[0].values_of()) {
+        let problem =
+            "some components have values of vertices, and others of cells; choose one whose components are alike";
+        return Err(RequestError::Flow(format!("'{field}' is no field of vectors: {problem}")));
     }
+    Ok(found)
+}
+
+/// Whether all vectors are 0, or not finite.
+fn is_still([x, y, z]: &[Arc<Vec<f32>>; 3]) -> bool {
+    let flows = |vector: [f32; 3]| vector.iter().all(|c| c.is_finite()) && vector.iter().any(|c| *c != 0.0);
+    !x.iter().zip(&**y).zip(&**z).any(|((x, y), z)| flows([*x, *y, *z]))
+}
+
+/// The ways of vectors that their store has; `None` if they are of no store that keeps any.
+fn stored_travel(components: &[Arc<Series>; 3]) -> Option<StoredTravel> {
+    let [x, y, z] = components.each_ref().map(|of| of.source.reader());
+    StoredTravel::of([x?, y?, z?], &components[0].times)
 }
 
 /// The lengths of vectors; 0 where they are not finite.
@@ -227,6 +268,7 @@ fn speeds_of([x, y, z]: &[Arc<Vec<f32>>; 3]) -> Speeds {
 #[derive(Debug, Default)]
 pub(super) struct OrderFlow {
     of: Weak<Mesh>,
+    sites: Option<Association>,
     shapes: Option<Arc<Shapes>>,
     chosen: Option<(u32, Arc<Vec<u32>>)>,
     cells: Weak<CellSet>,
@@ -234,7 +276,7 @@ pub(super) struct OrderFlow {
 }
 
 impl OrderFlow {
-    /// The fragments of a view, by the judge if the frame is the judge's. Splats are at vertices of the cells that are shown.
+    /// The fragments of a view, by the judge if the frame is the judge's. Splats are in the cells that are shown, or at their vertices.
     ///
     /// # Errors
     /// If they are too many.
@@ -247,20 +289,20 @@ impl OrderFlow {
         stats: &mut FrameStats,
     ) -> Result<LayerFragments, PipelineError> {
         let started = Instant::now();
-        if self.of.as_ptr() != Arc::as_ptr(mesh) {
-            *self = Self { of: Arc::downgrade(mesh), ..Self::default() };
+        let FlowValues { style, held, sites, vectors, travel, colors } = values;
+        if self.of.as_ptr() != Arc::as_ptr(mesh) || self.sites != Some(sites) {
+            *self = Self { of: Arc::downgrade(mesh), sites: Some(sites), ..Self::default() };
         }
         if self.cells.as_ptr() != Arc::as_ptr(cells) {
-            self.shown = Arc::new(vertices_of(mesh, cells));
+            self.shown = Arc::new(shown(mesh, sites, cells));
             self.cells = Arc::downgrade(cells);
         }
-        let shapes = self.shapes.get_or_insert_with(|| Arc::new(Shapes::of(mesh))).clone();
-        let chosen = values.style.splats.map(|count| match self.chosen.take() {
+        let shapes = self.shapes.get_or_insert_with(|| Arc::new(Shapes::of(mesh, sites))).clone();
+        let chosen = style.splats.map(|count| match self.chosen.take() {
             Some((of, chosen)) if of == count => (count, chosen),
-            _ => (count, Arc::new(flow::chosen(mesh, count))),
+            _ => (count, Arc::new(flow::chosen(mesh, sites, count))),
         });
         self.chosen.clone_from(&chosen);
-        let FlowValues { style, held, vectors, travel, colors } = values;
         let scene = FlowScene {
             style,
             mesh: mesh.clone(),
@@ -282,8 +324,11 @@ impl OrderFlow {
     }
 }
 
-/// Whether each vertex belongs to a cell of a set.
-fn vertices_of(mesh: &Mesh, cells: &CellSet) -> Vec<bool> {
+/// Whether each site is a cell of a set, or a vertex of one.
+fn shown(mesh: &Mesh, sites: Association, cells: &CellSet) -> Vec<bool> {
+    if sites == Association::Cell {
+        return (0..mesh.topology.tets.len() as u32).map(|cell| cells.contains(cell)).collect();
+    }
     let mut shown = vec![false; mesh.positions.local.len()];
     for (_, tet) in mesh.topology.tets.iter().enumerate().filter(|(cell, _)| cells.contains(*cell as u32)) {
         tet.iter().for_each(|&vertex| shown[vertex as usize] = true);

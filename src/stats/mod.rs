@@ -48,6 +48,8 @@ pub struct FrameStats {
     pub flow_splats: u64,
     /// Splats of them whose pattern moves by more than a quarter of its period while the shutter is open, which blurs it.
     pub flow_fast: u64,
+    /// Whether nothing flows: all vectors are 0, or not finite.
+    pub flow_still: bool,
     /// Pixels that splats cover, each counted once a splat.
     pub flow_fragments: u64,
     /// Milliseconds for the fragments of flow, a part of `ms_order`.

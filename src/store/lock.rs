@@ -34,6 +34,16 @@ impl StoreLock {
         }
         None
     }
+
+    /// The lock, if nobody else has it.
+    pub(super) fn at_once(root: &Path) -> Option<Self> {
+        let Some(folder) = open_folder(root) else { return Some(Self { _folder: None }) };
+        match folder.try_lock() {
+            Ok(()) => is_at(&folder, root.metadata()).then_some(Self { _folder: Some(folder) }),
+            Err(TryLockError::WouldBlock) => None,
+            Err(TryLockError::Error(_)) => Some(Self { _folder: None }),
+        }
+    }
 }
 
 #[cfg(unix)]

@@ -8,6 +8,7 @@
 //! | `cell_fields/FOLDER` | the same for fields of cells, absent if there are none; a value for each cell of the source, in the order in which the mesh has their first parts (`cell_permutation`) |
 //! | `functions/vertices` | derived, where it was asked for (`tetreel fit`): `factors`, the widths of functions in place of the cells (see below) |
 //! | `lod/FOLDER` | derived: `global` (coefficient of variation of each vertex), `local_N` (N intervals: first step, end, sampled step); attribute `steps` |
+//! | `flow/FOLDER` | derived, for fields of vectors whose flow was shown: `travel`, the way that it has travelled, every eight steps ([`StoredTravel`]) |
 //!
 //! `functions/vertices/factors` is f32 [block, function, 6], one chunk a block, of which there is one: a function at each vertex of the mesh,
 //! in their order, about `points`, in the same local units; rows of the lower triangle L of S = L L^T ([`crate::functions`]). Their values are
@@ -23,7 +24,7 @@
 //! checkpoint beside it ([`StoreWriter::go_on`]); to add steps it begins with links to
 //! the files of the existing store ([`StoreWriter::append`]), and [`Store::refreshed`] opens the grown one. [`Store`] reads metadata, times
 //! and ranges when it is opened, everything else when it is asked for. Derived arrays carry a version; a missing, damaged or other one is
-//! derived again (faces, neighbours) or treated as missing (moments, level of detail, histograms: computed by their users).
+//! derived again (faces, neighbours) or treated as missing (moments, level of detail, histograms, travel: computed by their users).
 
 mod append;
 mod array;
@@ -46,6 +47,7 @@ mod resume;
 mod source_points;
 mod split_cells;
 mod staging;
+mod travel;
 mod writer;
 
 pub use append::ResumedField;
@@ -60,6 +62,7 @@ pub use layout::{MeanWeights, StoredConnectivity, StoredKind, is_store};
 pub use lock::StoreLock;
 pub(crate) use lock::is_at;
 pub use source_points::SourcePoints;
+pub use travel::StoredTravel;
 pub use writer::{FieldDescription, FieldWriter, StoreWriter, WrittenField};
 
 use crate::codec::{BlockCache, Chunking, ElementType, ReadRange};

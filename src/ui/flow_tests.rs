@@ -3,11 +3,17 @@
 use super::desk::Desk;
 use super::worker::tests::wait_for;
 use super::{Action, NoticeKind};
+use crate::calculator::calculated;
+use crate::ingest::{IngestOptions, ingest};
 use crate::look::FlowLook;
-use crate::pipeline::FlowLayer;
+use crate::pipeline::{FlowLayer, Series};
 use crate::playback::Command;
 use crate::render::flow::{FlowStyle, Icon};
 use crate::render::surfaces::ByField;
+use crate::store::Store;
+use crate::synth::{SeriesName, SynthSpec, generate};
+use crate::task::{Cancel, Silent};
+use std::sync::Arc;
 
 /// The flow of the picture on the screen.
 fn flow(desk: &Desk) -> Option<FlowLayer> {
@@ -111,4 +117,33 @@ fn flow_is_switched_changed_coloured_and_undone() {
         desk.session.notices().first().cloned()
     });
     assert!(notice.kind == NoticeKind::Error && notice.text.contains("'wind"), "{notice:?}");
+}
+
+#[test]
+fn that_nothing_flows_is_said_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let tornado = generate(&SynthSpec { cells: 600, steps: 3, ..SynthSpec::new(SeriesName::Tornado) }).unwrap();
+    let definitions = ["still = 0 * velocity".parse().unwrap()];
+    let source = calculated(Box::new(tornado), &definitions, &[]).unwrap();
+    let path = folder.path().join("s.zarr");
+    ingest(source.as_ref(), &path, &IngestOptions::default(), &Silent, &Cancel::new()).unwrap();
+    let series = Arc::new(Series::open(&Store::open(&path).unwrap(), None).unwrap());
+    let mut desk = Desk::of(series, folder.path());
+    let show = |desk: &mut Desk, field: &str| {
+        let flow = FlowLook::new(field.to_owned(), FlowStyle::default());
+        desk.act(Action::Flow(Some(Box::new(flow))));
+        desk.settle();
+        let stats = &desk.shown().frame.stats;
+        (stats.flow_still, stats.flow_splats > 0)
+    };
+    assert_eq!(show(&mut desk, "velocity"), (false, true));
+    assert!(desk.session.notices().is_empty());
+    assert_eq!(show(&mut desk, "still"), (true, false));
+    for _ in 0..2 {
+        desk.act(Action::Play(Command::Step(1)));
+        desk.settle();
+        assert!(desk.shown().frame.stats.flow_still);
+    }
+    let [notice] = desk.session.notices() else { panic!("{:?}", desk.session.notices()) };
+    assert!(notice.kind == NoticeKind::Done && notice.count == 1 && notice.text.contains("'still'"), "{notice:?}");
 }

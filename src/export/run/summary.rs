@@ -2,6 +2,20 @@
 
 use super::{FrameRecord, Origin, Output};
 
+/// What is said of frames whose flow has nothing to show.
+const STILL: &str = "nothing flows, since all vectors are 0 or not finite";
+
+/// Number of frames in which nothing flows, of those that are not kept.
+fn still(records: &[FrameRecord]) -> usize {
+    let mut is_still = false;
+    let counts = |record: &&FrameRecord| {
+        // A frame that is repeated is as the one before.
+        is_still = record.stats.as_ref().map_or(is_still, |stats| stats.flow_still);
+        is_still && record.origin != Origin::Kept
+    };
+    records.iter().filter(counts).count()
+}
+
 impl Output {
     /// What a run with this output has written, for the user.
     pub fn summary(&self, records: &[FrameRecord]) -> String {
@@ -25,6 +39,11 @@ impl Output {
                 format!("wrote {written} of {count} frames, {all}; {kept} were there already")
             }
         };
-        written + &empty
+        let still = match still(records) {
+            0 => String::new(),
+            _ if count == 1 => format!("; {STILL}"),
+            still => format!("; in {still} of them {STILL}"),
+        };
+        written + &empty + &still
     }
 }

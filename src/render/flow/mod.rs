@@ -1,11 +1,11 @@
 //! A field of vectors as textured splats (Xue and Crawfis 2004, after Crawfis and Max 1993).
 //!
-//! A splat lies at a vertex, as wide as the cells there. It has an icon along the projected vector, and the icon's pattern drifts through the
+//! A splat lies at each site of a vector, a vertex or the centroid of a cell, as wide as the cells there. It has an icon along the projected vector, and the icon's pattern drifts through the
 //! splat's window, which stays. docs/flow.md derives the formulas.
 //!
 //! ```text
-//! for each vertex with a vector: its splat on the screen          splat.rs
-//! splats in order of (depth, vertex)
+//! for each site with a vector: its splat on the screen            splat.rs
+//! splats in order of (depth, site)
 //! for each row of pixels: what each splat has there               rows.rs
 //! ```
 //!
@@ -25,6 +25,7 @@ pub(in crate::render) use splat::{COMPRESSED, END, PIXEL};
 use super::surfaces::FieldBeside;
 use super::{LayerFragments, RenderError};
 use crate::camera::View;
+use crate::field::Association;
 use crate::mesh::{Mesh, Plane, Symmetric};
 use crate::random::{hash, unit};
 use crate::words::words;
@@ -51,7 +52,7 @@ pub struct FlowStyle {
     pub opacity: f64,
     /// World length that a vector of length 1 moves in a unit of time.
     pub speed: f64,
-    /// Number of splats, evenly through the volume; `None`: one at each vertex.
+    /// Number of splats, evenly through the volume; `None`: one at each vertex, or in each cell if the vectors are of cells.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub splats: Option<u32>,
     /// What patterns of vectors nearly along the ray are.
@@ -115,7 +116,7 @@ impl FlowStyle {
         if wider <= 1.0 {
             return usual;
         }
-        let length = wider * usual_period(mesh) * mesh.positions.scale;
+        let length = wider * usual_period(mesh, Association::Point) * mesh.positions.scale;
         Self { splats: Some(Self::FEW), size: wider * usual.size, length: Some(length), ..usual }
     }
 
@@ -152,25 +153,30 @@ impl FlowStyle {
 pub enum FlowColors {
     /// One for all.
     One([f64; 3]),
-    /// By a field with one scalar per vertex.
+    /// By a field with one scalar per vector.
     Of(FieldBeside),
 }
 
 /// How wide the splats of a mesh are.
 #[derive(Debug)]
 pub(crate) struct Shapes {
-    /// [`Mesh::vertex_shapes`].
-    pub(in crate::render) of_vertices: Vec<Symmetric>,
-    /// Root mean square of the edges at the vertices; 0 without one.
+    /// What has the vectors: vertices, or cells.
+    pub(in crate::render) sites: Association,
+    /// [`Mesh::vertex_shapes`] or [`Mesh::cell_shapes`].
+    pub(in crate::render) of_sites: Vec<Symmetric>,
+    /// Root mean square of the edges at the sites; 0 without one.
     mean_edge: f64,
 }
 
 impl Shapes {
-    pub(crate) fn of(mesh: &Mesh) -> Self {
-        let of_vertices = mesh.vertex_shapes();
-        let traces = of_vertices.iter().map(|[xx, _, _, yy, _, zz]| xx + yy + zz);
-        let mean_edge = (traces.sum::<f64>() / of_vertices.len().max(1) as f64).sqrt();
-        Self { of_vertices, mean_edge }
+    pub(crate) fn of(mesh: &Mesh, sites: Association) -> Self {
+        let of_sites = match sites {
+            Association::Point => mesh.vertex_shapes(),
+            Association::Cell => mesh.cell_shapes(),
+        };
+        let traces = of_sites.iter().map(|[xx, _, _, yy, _, zz]| xx + yy + zz);
+        let mean_edge = (traces.sum::<f64>() / of_sites.len().max(1) as f64).sqrt();
+        Self { sites, of_sites, mean_edge }
     }
 }
 
@@ -179,37 +185,55 @@ impl Shapes {
 pub struct FlowScene {
     pub(crate) style: FlowStyle,
     pub(crate) mesh: Arc<Mesh>,
-    /// The components of the vectors, one per vertex.
+    /// The components of the vectors, one per site.
     pub(crate) vectors: [Arc<Vec<f32>>; 3],
-    /// The way that each vertex's flow has travelled since the first step: the integral of the vectors' lengths over time.
+    /// The way that each site's flow has travelled since the first step: the integral of the vectors' lengths over time.
     pub(crate) travel: Arc<Vec<f64>>,
     /// The time after that for which each vector's flow has gone on, and the time over which the pattern is averaged.
     pub(crate) held: HeldFlow,
     pub(crate) colors: FlowColors,
     pub(crate) shapes: Arc<Shapes>,
-    /// Vertices of a cell that is shown.
+    /// Whether each site is a cell that is shown, or a vertex of one.
     pub(crate) shown: Arc<Vec<bool>>,
-    /// Ascending vertices with a splat; `None`: all.
+    /// Ascending sites with a splat; `None`: all.
     pub(crate) chosen: Option<Arc<Vec<u32>>>,
     /// Half spaces in which nothing is shown (local coordinates).
     pub(crate) clips: Vec<Plane>,
 }
 
 impl FlowScene {
-    /// Splats of vectors at the vertices of a mesh, all of them shown.
-    pub fn new(mesh: Arc<Mesh>, style: FlowStyle, vectors: [Arc<Vec<f32>>; 3], travel: Arc<Vec<f64>>) -> Self {
-        let shapes = Arc::new(Shapes::of(&mesh));
-        let shown = Arc::new(vec![true; mesh.positions.local.len()]);
+    /// Splats of vectors at the vertices of a mesh, or in its cells, all of them shown.
+    pub fn new(
+        mesh: Arc<Mesh>,
+        sites: Association,
+        style: FlowStyle,
+        vectors: [Arc<Vec<f32>>; 3],
+        travel: Arc<Vec<f64>>,
+    ) -> Self {
+        let shapes = Arc::new(Shapes::of(&mesh, sites));
+        let shown = Arc::new(vec![true; shapes.of_sites.len()]);
         let colors = FlowColors::One(FlowStyle::COLOR);
         let held = HeldFlow::default();
         Self { style, mesh, vectors, travel, held, colors, shapes, shown, chosen: None, clips: Vec::new() }
     }
 
-    /// The splats of some vertices, ascending.
-    pub(in crate::render) fn vertices(&self) -> Vec<u32> {
+    /// The sites of splats, ascending.
+    pub(in crate::render) fn sites(&self) -> Vec<u32> {
         match &self.chosen {
             Some(chosen) => (**chosen).clone(),
-            None => (0..self.mesh.positions.local.len() as u32).collect(),
+            None => (0..self.shapes.of_sites.len() as u32).collect(),
+        }
+    }
+
+    /// Where a site is, in local coordinates: a vertex, or the centroid of a cell.
+    pub(in crate::render) fn center(&self, site: u32) -> DVec3 {
+        let positions = &self.mesh.positions;
+        match self.shapes.sites {
+            Association::Point => positions.local[site as usize].as_dvec3(),
+            Association::Cell => {
+                let [a, b, c, d] = positions.corners(self.mesh.topology.tets[site as usize]).map(|p| p.as_dvec3());
+                0.25 * (a + b + c + d)
+            }
         }
     }
 
@@ -221,40 +245,40 @@ impl FlowScene {
         }
     }
 
-    /// The vector at a vertex.
-    pub(in crate::render) fn vector(&self, vertex: u32) -> DVec3 {
-        DVec3::from_array(self.vectors.each_ref().map(|of| f64::from(of[vertex as usize])))
+    /// The vector of a site.
+    pub(in crate::render) fn vector(&self, site: u32) -> DVec3 {
+        DVec3::from_array(self.vectors.each_ref().map(|of| f64::from(of[site as usize])))
     }
 
-    /// Whether a vertex may have a splat.
-    pub(in crate::render) fn shows(&self, vertex: u32) -> bool {
-        let at = self.mesh.positions.local[vertex as usize].as_dvec3();
-        self.shown[vertex as usize] && !self.clips.iter().any(|clip| clip.distance(at) > 0.0)
+    /// Whether a site may have a splat.
+    pub(in crate::render) fn shows(&self, site: u32) -> bool {
+        let at = self.center(site);
+        self.shown[site as usize] && !self.clips.iter().any(|clip| clip.distance(at) > 0.0)
     }
 
-    /// The colour at a vertex; `None` if its scalar is not finite.
-    pub(in crate::render) fn color(&self, vertex: u32) -> Option<[f64; 3]> {
+    /// The colour of a site; `None` if its scalar is not finite.
+    pub(in crate::render) fn color(&self, site: u32) -> Option<[f64; 3]> {
         match &self.colors {
             FlowColors::One(color) => Some(*color),
             FlowColors::Of(FieldBeside { scalars, colors }) => {
-                let scalar = f64::from(scalars.values()[vertex as usize]);
+                let scalar = f64::from(scalars.values()[site as usize]);
                 scalar.is_finite().then(|| colors.eval(scalar).rgb)
             }
         }
     }
 
     /// Where in the pattern a splat's centre is, in periods along and across: by chance at first, and moved on by the flow.
-    pub(in crate::render) fn phase(&self, vertex: u32) -> [f64; 2] {
-        let [along, across] = [0, 1].map(|part| unit(hash(PHASES, 2 * u64::from(vertex) + part)));
-        let periods = self.periods(self.travel[vertex as usize] + self.held.time * self.vector(vertex).length());
+    pub(in crate::render) fn phase(&self, site: u32) -> [f64; 2] {
+        let [along, across] = [0, 1].map(|part| unit(hash(PHASES, 2 * u64::from(site) + part)));
+        let periods = self.periods(self.travel[site as usize] + self.held.time * self.vector(site).length());
         // What is infinite has no place in the pattern.
         let moved = if periods.is_finite() { periods - periods.floor() } else { 0.0 };
         [(along - moved).rem_euclid(1.0), across]
     }
 
     /// Periods of the pattern that pass a splat's centre while the shutter is open.
-    pub(in crate::render) fn blur(&self, vertex: u32) -> f64 {
-        self.periods(self.held.shutter * self.vector(vertex).length())
+    pub(in crate::render) fn blur(&self, site: u32) -> f64 {
+        self.periods(self.held.shutter * self.vector(site).length())
     }
 
     /// Periods in a way that the flow has travelled.
@@ -267,9 +291,9 @@ impl FlowScene {
     /// # Errors
     /// If there are more than memory is for.
     pub(crate) fn fragments(&self, view: &View) -> Result<(LayerFragments, FlowCounts), RenderError> {
-        let seen = |vertex: u32| Splat::of(self, vertex, view);
-        let mut splats: Vec<Splat> = self.vertices().into_par_iter().filter_map(seen).collect();
-        splats.par_sort_by(|a, b| a.depth.total_cmp(&b.depth).then(a.vertex.cmp(&b.vertex)));
+        let seen = |site: u32| Splat::of(self, site, view);
+        let mut splats: Vec<Splat> = self.sites().into_par_iter().filter_map(seen).collect();
+        splats.par_sort_by(|a, b| a.depth.total_cmp(&b.depth).then(a.site.cmp(&b.site)));
         let fragments = rows::fragments(
             &splats,
             (IconSums::of(self.style.icon), self.style.opacity),
@@ -313,39 +337,47 @@ pub(crate) const FOLLOWED: f64 = 0.25;
 const PHASES: u64 = 33;
 
 /// The usual length of a period, in local units.
-pub(crate) fn usual_period(mesh: &Mesh) -> f64 {
-    FlowStyle::EDGES * Shapes::of(mesh).mean_edge
+pub(crate) fn usual_period(mesh: &Mesh, sites: Association) -> f64 {
+    FlowStyle::EDGES * Shapes::of(mesh, sites).mean_edge
 }
 
-/// Vertices for a number of splats, ascending: evenly through the volume along the order of the vertices, which is that of a curve. Fewer are
-/// a part of more.
-pub(crate) fn chosen(mesh: &Mesh, count: u32) -> Vec<u32> {
-    let vertices = mesh.positions.local.len();
-    if count as usize >= vertices {
-        return (0..vertices as u32).collect();
+/// Volume of each site, in local units: that of a cell, or a quarter of each cell of a vertex.
+fn volumes(mesh: &Mesh, sites: Association) -> Vec<f64> {
+    let cells = (0..mesh.topology.tets.len() as u32).map(|cell| mesh.cell_volume(cell));
+    if sites == Association::Cell {
+        return cells.collect();
     }
-    // A quarter of each cell belongs to each of its vertices.
-    let mut ends = vec![0.0; vertices];
-    for (cell, tet) in mesh.topology.tets.iter().enumerate() {
-        let part = 0.25 * mesh.cell_volume(cell as u32);
-        tet.iter().for_each(|&vertex| ends[vertex as usize] += part);
+    let mut volumes = vec![0.0; mesh.positions.local.len()];
+    for (tet, volume) in mesh.topology.tets.iter().zip(cells) {
+        tet.iter().for_each(|&vertex| volumes[vertex as usize] += 0.25 * volume);
+    }
+    volumes
+}
+
+/// Sites for a number of splats, ascending: evenly through the volume along the order of the sites, which is that of a curve. Fewer are a part
+/// of more.
+pub(crate) fn chosen(mesh: &Mesh, sites: Association, count: u32) -> Vec<u32> {
+    let mut ends = volumes(mesh, sites);
+    let all_sites = ends.len();
+    if count as usize >= all_sites {
+        return (0..all_sites as u32).collect();
     }
     let mut all = 0.0;
     ends.iter_mut().for_each(|end| {
         all += *end;
         *end = all;
     });
-    let (mut is_chosen, mut found) = (vec![false; vertices], Vec::with_capacity(count as usize));
+    let (mut is_chosen, mut found) = (vec![false; all_sites], Vec::with_capacity(count as usize));
     // Shares of the volume with mirrored digits (van der Corput): any first part of them is spread evenly.
     let shares = (0u32..).map(|index| f64::from(index.reverse_bits()) * (-32f64).exp2());
-    let by_share = shares.map(|share| ends.partition_point(|end| *end <= share * all).min(vertices - 1));
+    let by_share = shares.map(|share| ends.partition_point(|end| *end <= share * all).min(all_sites - 1));
     // Large cells hold many shares: what is left over is taken in turn.
-    for vertex in by_share.take(8 * vertices).chain(0..vertices) {
+    for site in by_share.take(8 * all_sites).chain(0..all_sites) {
         if found.len() == count as usize {
             break;
         }
-        if !std::mem::replace(&mut is_chosen[vertex], true) {
-            found.push(vertex as u32);
+        if !std::mem::replace(&mut is_chosen[site], true) {
+            found.push(site as u32);
         }
     }
     found.sort_unstable();

@@ -1,4 +1,4 @@
-//! A vertex's splat on the screen.
+//! A splat on the screen.
 
 use super::{FlowScene, IconSums};
 use crate::camera::View;
@@ -19,7 +19,8 @@ pub(in crate::render) const COMPRESSED: f64 = 3.0;
 pub(in crate::render) struct Splat {
     /// Local depth of its centre along the view direction.
     pub(super) depth: f64,
-    pub(super) vertex: u32,
+    /// The vertex or the cell that it is of.
+    pub(super) site: u32,
     pub(super) center: DVec2,
     /// The inverse of the covariance: xx, xy, yy.
     pub(super) form: [f64; 3],
@@ -55,21 +56,21 @@ pub(super) fn smoothstep(at: f64) -> f64 {
 }
 
 impl Splat {
-    /// The splat of a vertex; `None` if there is none, or none in view.
-    pub(super) fn of(scene: &FlowScene, vertex: u32, view: &View) -> Option<Self> {
-        let vector = scene.vector(vertex);
+    /// The splat of a site; `None` if there is none, or none in view.
+    pub(super) fn of(scene: &FlowScene, site: u32, view: &View) -> Option<Self> {
+        let vector = scene.vector(site);
         // The length of a vector of large numbers is not finite in itself.
         let direction = (vector / vector.abs().max_element()).normalize_or_zero();
-        if !vector.is_finite() || direction == DVec3::ZERO || !scene.shows(vertex) {
+        if !vector.is_finite() || direction == DVec3::ZERO || !scene.shows(site) {
             return None;
         }
-        let at = view.to_view(scene.mesh.positions.local[vertex as usize].as_dvec3());
+        let at = view.to_view(scene.center(site));
         if at.z <= view.near_depth() {
             return None;
         }
         let screen = Screen::at(view, at);
         let (size, period) = (scene.style.size, scene.period());
-        let shape = scene.shapes.of_vertices[vertex as usize].map(|s| size * size * s);
+        let shape = scene.shapes.of_sites[site as usize].map(|s| size * size * s);
         let ([xx, xy, yy], determinant) = screen.covariance(&shape);
         let [half_width, half_height] = [xx, yy].map(|variance| END * variance.sqrt());
         let is_beside = |at: f64, half: f64, count: usize| at + half <= 0.0 || at - half >= count as f64;
@@ -81,22 +82,22 @@ impl Splat {
         if !(form.iter().all(|f| f.is_finite()) && period > 0.0 && xx.is_finite() && yy.is_finite()) {
             return None;
         }
-        let color = scene.color(vertex)?;
+        let color = scene.color(site)?;
         let projected = screen.project(direction);
         let length = projected.length();
         let foreshortening = length / screen.per_unit;
         let per_period = period * screen.per_unit;
         let frequency = [foreshortening.recip().min(COMPRESSED) / per_period, per_period.recip()];
-        let blur = scene.blur(vertex);
+        let blur = scene.blur(site);
         Some(Self {
             depth: at.z,
-            vertex,
+            site,
             center: screen.center,
             form,
             half_height,
             along: if length > 0.0 { projected / length } else { DVec2::X },
             frequency,
-            phase: scene.phase(vertex),
+            phase: scene.phase(site),
             blur,
             width: IconSums::width(frequency[0] + blur),
             level: IconSums::level(frequency[1]),

@@ -24,7 +24,7 @@ fn vortex(p: DVec3) -> DVec3 {
 
 fn scene(mesh: &Arc<Mesh>, style: FlowStyle, of: impl Fn(DVec3) -> DVec3) -> FlowScene {
     let travel = mesh.positions.local.iter().map(|p| f64::from(p.x) + 3.0).collect();
-    FlowScene::new(mesh.clone(), style, vectors(mesh, of), Arc::new(travel))
+    FlowScene::new(mesh.clone(), Association::Point, style, vectors(mesh, of), Arc::new(travel))
 }
 
 fn camera(mesh: &Mesh) -> Camera {
@@ -80,6 +80,70 @@ fn splats_in_a_volume_agree_with_the_judge() {
         let moved = image(&mut Raycast::new(), &job, later.fragments(&view).unwrap().0);
         assert!(!is_within(difference(&moved, &expected)), "{icon}");
     }
+}
+
+/// A scene of vectors of cells by a function of their centroids.
+fn scene_of_cells(mesh: &Arc<Mesh>, style: FlowStyle, of: impl Fn(DVec3) -> DVec3) -> FlowScene {
+    let corners = |tet: &[u32; 4]| tet.map(|vertex| mesh.positions.local[vertex as usize].as_dvec3());
+    let centroids: Vec<DVec3> = mesh.topology.tets.iter().map(|tet| corners(tet).iter().sum::<DVec3>() / 4.0).collect();
+    let vectors = [0, 1, 2].map(|axis| Arc::new(centroids.iter().map(|p| of(*p)[axis] as f32).collect()));
+    let travel = Arc::new(centroids.iter().map(|p| p.x + 3.0).collect());
+    FlowScene::new(mesh.clone(), Association::Cell, style, vectors, travel)
+}
+
+#[test]
+fn splats_of_cells_agree_with_the_judge_and_are_others_than_those_of_vertices() {
+    let mesh = mesh(3);
+    for (icon, camera) in Icon::ALL.into_iter().zip(cameras(&mesh)) {
+        let style = FlowStyle { icon, ..FlowStyle::default() };
+        let scene = scene_of_cells(&mesh, style, vortex);
+        let job = job(&mesh, &camera, (40, 32));
+        let view = job.local_view();
+        let [(found, drawn), (judged, asked)] =
+            [scene.fragments(&view).unwrap(), flow_fragments(&scene, &view).unwrap()];
+        assert!(drawn.splats > 10 && drawn.splats <= asked.splats && found.count() > 1000);
+        let expected = image(&mut Reference::new(), &job, judged);
+        let compared = difference(&image(&mut Raycast::new(), &job, found), &expected);
+        assert!(is_within(compared), "{icon}: {compared:?}");
+        // A shape that is off by a twentieth is noticed.
+        let of_sites = scene.shapes.of_sites.iter().map(|shape| shape.map(|s| 1.05 * s)).collect();
+        let wider = Arc::new(Shapes { of_sites, ..Shapes::of(&mesh, Association::Cell) });
+        let other = FlowScene { shapes: wider, ..scene }.fragments(&view).unwrap().0;
+        assert!(!is_within(difference(&image(&mut Raycast::new(), &job, other), &expected)), "{icon}");
+    }
+    // All cells have a splat, unless their centroid is clipped.
+    let all = scene_of_cells(&mesh, FlowStyle::default(), vortex);
+    assert_eq!(all.sites().len(), mesh.topology.tets.len());
+    let clips = vec![Plane::new(&mesh.positions, mesh.positions.origin, DVec3::X).unwrap()];
+    let clipped = FlowScene { clips, ..all.clone() };
+    let count = |scene: &FlowScene| scene.sites().into_iter().filter(|&cell| scene.shows(cell)).count();
+    let left = clipped.sites().into_iter().filter(|&cell| clipped.center(cell).x <= 0.0).count();
+    assert!(count(&clipped) == left && left < count(&all) && left > 0);
+}
+
+#[test]
+fn fewer_splats_of_cells_are_spread_by_volume() {
+    let mesh = mesh(6);
+    let cells = mesh.topology.tets.len() as u32;
+    let mut last = Vec::new();
+    for count in [1, 5, 80, 200, cells, cells + 9] {
+        let found = chosen(&mesh, Association::Cell, count);
+        assert_eq!(found.len(), count.min(cells) as usize);
+        assert!(found.is_sorted_by(|a, b| a < b) && last.iter().all(|cell| found.contains(cell)));
+        last = found;
+    }
+    // Along the order of the cells, every tenth of the volume has a tenth of the splats, to within the discrepancy of such shares: log2(N) / 3 + 1
+    // at either end.
+    let found = chosen(&mesh, Association::Cell, 100);
+    let (mut before, mut shares) = (0.0, [0; 10]);
+    for cell in 0..cells {
+        let middle = before + 0.5 * mesh.cell_volume(cell);
+        before += mesh.cell_volume(cell);
+        if found.contains(&cell) {
+            shares[(10.0 * middle / mesh.total_volume()) as usize] += 1;
+        }
+    }
+    assert!(shares.iter().all(|share| (4..=16).contains(share)), "{shares:?}");
 }
 
 #[test]
@@ -251,7 +315,7 @@ fn a_held_moment_flows_on_by_its_speeds_and_what_is_too_fast_is_blurred() {
     let at =
         |held: HeldFlow| FlowScene { held, ..scene(&mesh, FlowStyle { speed: 1.5, ..FlowStyle::default() }, vortex) };
     let [now, later] = [0.0, 0.3].map(|time| at(HeldFlow { time, shutter: 0.0 }));
-    for vertex in now.vertices() {
+    for vertex in now.sites() {
         let way = 1.5 * 0.3 * now.vector(vertex).length() / mesh.positions.scale;
         let [from, to] = [&now, &later].map(|scene| scene.phase(vertex));
         // Backwards through the pattern, so that the pattern goes forwards; the places are rounded a few times each.
@@ -261,7 +325,7 @@ fn a_held_moment_flows_on_by_its_speeds_and_what_is_too_fast_is_blurred() {
     let of = |shutter: f64, vertex| Splat::of(&at(HeldFlow { time: 0.0, shutter }), vertex, &view);
     let sums = IconSums::of(Icon::default());
     let mut fast = 0;
-    for vertex in now.vertices() {
+    for vertex in now.sites() {
         let (Some(sharp), Some(slow), Some(spun)) = (of(0.0, vertex), of(0.1, vertex), of(1e9, vertex)) else {
             continue;
         };
@@ -286,7 +350,7 @@ fn few_splats_fill_as_much_as_one_a_vertex() {
     // Volumes are as cubes of sizes; a few roundings each.
     let [usual, wider] = [FlowStyle::default().size, few.size].map(|size| size.powi(3));
     assert!((1000.0 * wider / (mesh.positions.local.len() as f64 * usual) - 1.0).abs() < 1e-12);
-    let period = usual_period(&mesh) * mesh.positions.scale;
+    let period = usual_period(&mesh, Association::Point) * mesh.positions.scale;
     assert!((few.length.unwrap() / period - few.size / FlowStyle::default().size).abs() < 1e-12);
 }
 
@@ -297,7 +361,7 @@ fn what_is_limited_is_at_least_what_is_listed() {
         for camera in cameras(&mesh) {
             let scene = scene(&mesh, FlowStyle { size, ..FlowStyle::default() }, vortex);
             let view = local_view(&mesh, &camera, (40, 32));
-            let splats = scene.vertices().into_iter().filter_map(|vertex| Splat::of(&scene, vertex, &view));
+            let splats = scene.sites().into_iter().filter_map(|vertex| Splat::of(&scene, vertex, &view));
             let (mut rows, mut limited) = (0, 0);
             for splat in splats {
                 rows += splat.rows(view.height_px).len() as u64;
@@ -325,13 +389,13 @@ fn fewer_splats_are_a_part_of_more_and_spread_evenly() {
     let vertices = mesh.positions.local.len() as u32;
     let mut last = Vec::new();
     for count in [1, 5, 40, 41, 200, vertices, vertices + 9] {
-        let found = chosen(&mesh, count);
+        let found = chosen(&mesh, Association::Point, count);
         assert_eq!(found.len(), count.min(vertices) as usize);
         assert!(found.is_sorted_by(|a, b| a < b) && last.iter().all(|vertex| found.contains(vertex)));
         last = found;
     }
     // Of 40, each octant has its share.
-    let found = chosen(&mesh, 40);
+    let found = chosen(&mesh, Association::Point, 40);
     for octant in 0..8 {
         let is_in = |v: &&u32| {
             let p = mesh.positions.local[**v as usize];

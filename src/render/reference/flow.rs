@@ -1,10 +1,11 @@
 //! The fragments of flow by brute force, in float64: every splat is asked at every pixel, every texel in its box.
 //!
 //! The projection's derivative is that of finite differences, the kernel's form the inverse of a matrix, the pattern a sum over texels: no
-//! tiles, rows, running sums or extents. What a vertex has (vector, colour, place in the pattern) and the constants of docs/flow.md are the
+//! tiles, rows, running sums or extents; a cell's splat has the mean of its corners, and of their differences. What a vertex or cell has (vector, colour, place in the pattern) and the constants of docs/flow.md are the
 //! scene's.
 
 use crate::camera::View;
+use crate::field::Association;
 use crate::render::flow::{COMPRESSED, END, FlowCounts, FlowFidelity, FlowScene, MEAN, PIXEL, TEXELS};
 use crate::render::{LayerFragment, LayerFragments, RenderError};
 use glam::{DMat2, DVec2, DVec3};
@@ -15,7 +16,7 @@ use rayon::prelude::*;
 /// # Errors
 /// If a fragment is out of range.
 pub(crate) fn flow_fragments(scene: &FlowScene, view: &View) -> Result<(LayerFragments, FlowCounts), RenderError> {
-    let splats: Vec<Judged> = scene.vertices().into_iter().filter_map(|v| Judged::of(scene, v, view)).collect();
+    let splats: Vec<Judged> = scene.sites().into_iter().filter_map(|site| Judged::of(scene, site, view)).collect();
     let texels = &scene.style.icon.texels();
     let (width, height) = view.plane_px();
     let per_unit = scene.mesh.positions.scale;
@@ -44,6 +45,24 @@ fn on_screen(view: &View, at: DVec3) -> DVec2 {
     DVec2::new(0.5 * (1.0 + x) * view.width_px as f64, 0.5 * (1.0 - y) * view.height_px as f64)
 }
 
+/// Where a splat's centre is, and the mean of e e^T over the edges there; local.
+fn place(scene: &FlowScene, site: u32) -> (DVec3, [[f64; 3]; 3]) {
+    let at = |vertex: u32| scene.mesh.positions.local[vertex as usize].as_dvec3();
+    if scene.shapes.sites == Association::Point {
+        let [xx, xy, xz, yy, yz, zz] = scene.shapes.of_sites[site as usize];
+        return (at(site), [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]);
+    }
+    let corners = scene.mesh.topology.tets[site as usize].map(at);
+    let mut shape = [[0.0; 3]; 3];
+    // Each edge twice, and each corner with itself, which adds nothing.
+    for (a, b) in (0..16).map(|k| (corners[k / 4], corners[k % 4])) {
+        for (i, j) in (0..9).map(|k| (k / 3, k % 3)) {
+            shape[i][j] += (b - a)[i] * (b - a)[j] / 12.0;
+        }
+    }
+    (corners.iter().sum::<DVec3>() / 4.0, shape)
+}
+
 struct Judged {
     depth: f64,
     center: DVec2,
@@ -59,10 +78,10 @@ struct Judged {
 }
 
 impl Judged {
-    fn of(scene: &FlowScene, vertex: u32, view: &View) -> Option<Self> {
-        let (vector, center) = (scene.vector(vertex), scene.mesh.positions.local[vertex as usize].as_dvec3());
+    fn of(scene: &FlowScene, site: u32, view: &View) -> Option<Self> {
+        let (vector, (center, shape)) = (scene.vector(site), place(scene, site));
         let depth = view.to_view(center).z;
-        if !vector.is_finite() || vector == DVec3::ZERO || !scene.shows(vertex) || depth <= view.near_depth() {
+        if !vector.is_finite() || vector == DVec3::ZERO || !scene.shows(site) || depth <= view.near_depth() {
             return None;
         }
         // A hundred-thousandth of the depth: the third derivative is off by 1e-10, rounding by as much.
@@ -70,8 +89,6 @@ impl Judged {
         let derivative =
             |way: DVec3| (on_screen(view, center + step * way) - on_screen(view, center - step * way)) / (2.0 * step);
         let columns = [DVec3::X, DVec3::Y, DVec3::Z].map(derivative);
-        let [xx, xy, xz, yy, yz, zz] = scene.shapes.of_vertices[vertex as usize];
-        let shape = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
         let mut covariance = DMat2::from_diagonal(DVec2::splat(PIXEL));
         for (i, j) in (0..9).map(|k| (k / 3, k % 3)) {
             let (a, b, s) = (columns[i], columns[j], scene.style.size.powi(2) * shape[i][j]);
@@ -90,10 +107,10 @@ impl Judged {
             along,
             per_period: scene.period() * facing,
             foreshortening: projected.length() / facing,
-            phase: scene.phase(vertex),
-            blur: scene.blur(vertex),
+            phase: scene.phase(site),
+            blur: scene.blur(site),
             fades: scene.style.fidelity == FlowFidelity::Smooth,
-            color: scene.color(vertex)?,
+            color: scene.color(site)?,
         })
     }
 

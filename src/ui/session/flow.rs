@@ -2,12 +2,14 @@
 
 use super::Session;
 use crate::look::{BesideError, FlowLook, colors_beside};
-use crate::pipeline::{ColorsBeside, FlowMeasure, FrameTime, vector_fields};
+use crate::pipeline::{ColorsBeside, FlowMeasure, FrameRequest, FrameTime, Layer, vector_fields};
 use crate::playback::State;
 use crate::render::flow::{FlowStyle, Icon};
 use crate::render::surfaces::ByField;
+use crate::stats::FrameStats;
 use crate::task::Cancel;
 use crate::ui::jobs::Done;
+use crate::ui::notice::NoticeKind;
 use std::time::Duration;
 
 /// Least time between two frames of a moment that is held: that of most displays.
@@ -24,6 +26,8 @@ pub(super) struct Drift {
     asked: Option<String>,
     /// The moment that is held, and when its last frame was asked for.
     held: Option<(FrameTime, Duration)>,
+    /// The last field of which it was said that nothing flows.
+    still: Option<String>,
 }
 
 impl Session {
@@ -45,6 +49,20 @@ impl Session {
     /// Whether a step is held while its flow goes on. Beside another view with which it is compared it stands still.
     pub(super) fn drifts(&self, state: &State) -> bool {
         !state.playing && !self.shared.is_compared && self.flow_rate().is_some_and(|rate| rate > 0.0)
+    }
+
+    /// Says that nothing flows in a frame: once, while the field stays.
+    pub(super) fn tell_of_still_flow(&mut self, request: &FrameRequest, stats: &FrameStats) {
+        let Some(flow) = request.layers.iter().find_map(Layer::flow).filter(|_| stats.flow_still) else { return };
+        if self.drift.still.as_ref() == Some(&flow.field) {
+            return;
+        }
+        let step = request.time.step();
+        self.drift.still = Some(flow.field.clone());
+        self.tell(
+            NoticeKind::Done,
+            format!("step {step}: nothing flows, since all vectors of '{}' are 0 or not finite", flow.field),
+        );
     }
 
     /// Lets the flow of a held step go on once its last frame is there. Returns after how long it goes on at the latest.
@@ -135,7 +153,8 @@ impl Session {
             || fields.first().map(|field| FlowLook::new((*field).to_owned(), FlowStyle::few_on(self.series().mesh())));
         match before.or_else(first) {
             Some(flow) => self.set_flow(Some(flow)),
-            None => self.fail("the series has no vectors at its vertices whose flow could be shown".to_owned()),
+            None => self
+                .fail("the series has no vectors in cells or at their vertices whose flow could be shown".to_owned()),
         }
     }
 

@@ -101,6 +101,7 @@ impl Session {
                     }
                     self.look_at_details(&request, &frame, quality);
                 }
+                self.tell_of_still_flow(&request, &frame.stats);
                 self.shown = Some(Shown { frame, request, is_kept, quality, at_rest, is_final });
                 self.compare_with_motion();
             }

@@ -2,7 +2,6 @@
 
 use super::overlay;
 use super::widgets::{choice, chosen, labelled, number};
-use crate::field::Association;
 use crate::look::FlowLook;
 use crate::pipeline::vector_fields;
 use crate::render::flow::{FlowStyle, Icon};
@@ -19,7 +18,7 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     let fields = vector_fields(session.store().fields());
     let flow = session.look().flow.as_ref();
     if fields.is_empty() {
-        ui.label("The series has no vectors at its vertices.");
+        ui.label("The series has no vectors in cells or at their vertices.");
         return;
     }
     let mut options = vec![(None, "no flow")];
@@ -98,8 +97,12 @@ fn splats(ui: &mut Ui, session: &Session, style: &mut FlowStyle) {
 
 /// The field that colours splats.
 fn colors(ui: &mut Ui, session: &Session, flow: &FlowLook, actions: &mut Vec<Action>) {
-    let fields = session.store().fields().iter().filter(|field| field.values_of == Association::Point);
-    let names: Vec<&str> = fields.map(|field| field.name.as_str()).collect();
+    let fields = session.store().fields();
+    // Vectors of cells have the colours of fields of cells, and those of vertices of vertices.
+    let component = format!("{}:0", flow.layer.field);
+    let sites = fields.iter().find(|field| field.name == component).map(|field| field.values_of);
+    let names: Vec<&str> =
+        fields.iter().filter(|field| Some(field.values_of) == sites).map(|field| field.name.as_str()).collect();
     let shown = flow.layer.colors.as_ref().map(|colors| colors.field.as_str());
     let mut options = vec![(None, "orange")];
     options.extend(names.into_iter().map(|name| (Some(name), name)));

@@ -182,3 +182,32 @@ fn flow_is_in_a_project_and_what_cannot_be_shown_is_refused_with_the_remedy() {
     let words = ["render", "slab.zarr", "-o", "x.png", "--steps", "1", "--flow", "velocity"];
     slab.refuses(&words, &["'velocity'", "constant, linear"]);
 }
+
+#[test]
+fn that_nothing_flows_is_said_once_a_run_and_the_volume_is_drawn() {
+    let place = Place::empty();
+    place.ok(&["synth", "tornado", "--cells", "600", "--steps", "3", "-o", "run", "--quiet"]);
+    for (name, still) in [("zero", "0 * velocity"), ("hole", "(0 / (time - time)) * velocity")] {
+        let define = format!("still = {still}");
+        let store = format!("{name}.zarr");
+        place.ok(&["import", "run/tornado.pvd", "-o", &store, "--define", &define, "--quiet"]);
+        let run = |options: &[&str]| {
+            let words =
+                ["render", &store, "--field", "pressure", "--size", "24x18", "--exr", "raw", "--stats", "s.json"];
+            let run = place.run(&[&words[..], options].concat());
+            assert_eq!(run.code, Some(0), "{}", run.err);
+            run.err.matches("nothing flows").count()
+        };
+        let files = ["flow", "none"].map(|of| format!("{name}_{of}_%d.exr"));
+        assert_eq!(run(&["-o", &files[0], "--flow", "still"]), 1);
+        let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(place.path("s.json")).unwrap()).unwrap();
+        assert!(stats.as_array().unwrap().iter().all(|frame| frame["stats"]["flow_still"] == true), "{stats}");
+        assert_eq!(run(&["-o", &files[1]]), 0);
+        assert_eq!(run(&["-o", &format!("{name}.exr"), "--steps", "1", "--flow", "velocity"]), 0);
+        for step in ["0", "1", "2"] {
+            let [flow, none] =
+                files.each_ref().map(|file| read_exr(&place.path(&file.replace("%d", step))).unwrap().planes);
+            assert!(flow == none, "{name}");
+        }
+    }
+}

@@ -7,6 +7,8 @@ mod export;
 mod export_surfaces;
 mod fit;
 mod flow;
+mod flow_cells;
+mod flow_travel;
 mod import;
 mod movie;
 mod places;

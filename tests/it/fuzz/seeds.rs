@@ -24,7 +24,7 @@ use tetreel::ingest::{CodecChoice, IngestOptions, ingest};
 use tetreel::mesh::RawMesh;
 use tetreel::node_table::{JointTable, Node, NodeTable};
 use tetreel::pipeline::{FaceDetail, FrameRequest, FrameTime, TetDraw};
-use tetreel::store::Store;
+use tetreel::store::{Store, StoredTravel};
 use tetreel::task::{Cancel, Silent};
 use tetreel::transfer::{
     Lengths, MappedRange, OpacityKind, RangePolicy, TransferContent, TransferFunction, TransferSource,
@@ -128,11 +128,15 @@ fn stores(to: &Path) {
     for (name, source, codec) in [
         ("raw", cube(2, 1), CodecChoice::default()),
         ("vector", cube(1, 2), CodecChoice::default()),
+        ("travel", cube(17, 3), CodecChoice::default()),
         ("vq", cube(66, 1), CodecChoice::new(vq)),
     ] {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("s.zarr");
         ingest(&source, &path, &IngestOptions { codec, ..Default::default() }, &Silent, &Cancel::new()).unwrap();
+        if name == "travel" {
+            keep_ways(&Store::open(&path).unwrap());
+        }
         put(to, "store", name, &packed(&path));
         if name == "raw" {
             let store = Store::open(&path).unwrap();
@@ -140,6 +144,14 @@ fn stores(to: &Path) {
             put(to, "store", "functions", &packed(&path));
         }
     }
+}
+
+/// Ways of the vectors of a store, whatever these are.
+fn keep_ways(store: &Store) {
+    let components = [0, 1, 2].map(|axis| store.field(&format!("T:{axis}").parse().unwrap()).unwrap());
+    let travel = StoredTravel::of(components.each_ref(), store.times()).unwrap();
+    let ways = |first: f32| Arc::new((0..8u8).map(|i| first + f32::from(i)).collect());
+    assert!(travel.keep(0, &[ways(0.5), ways(1.0)]).unwrap());
 }
 
 /// A hexahedron, a wedge as a polyhedron, a pyramid and a tetrahedron.

@@ -12,7 +12,7 @@ use tetreel::error::{FileError, FileResult};
 use tetreel::export::StoredSeries;
 use tetreel::field::{Association, Component, SeriesSource};
 use tetreel::functions::value_at;
-use tetreel::store::Store;
+use tetreel::store::{Store, StoredTravel};
 
 /// The folder of a store, all of whose parts are read.
 pub fn store(bytes: &[u8]) -> Outcome {
@@ -65,6 +65,25 @@ fn read_store(folder: &Folder) -> FileResult<()> {
         assert!(importance.is_none_or(|values| values.len() == out.len() && values.iter().all(|&v| v >= 0.0)));
         for interval in reader.intervals(6).unwrap_or_default() {
             assert!(interval.first <= interval.sampled && interval.sampled < interval.end);
+        }
+    }
+    read_travel(&store)
+}
+
+/// The ways of each vector of three components.
+fn read_travel(store: &Store) -> FileResult<()> {
+    let has = |name: &str| store.fields().iter().any(|field| field.name == name);
+    for name in store.fields().iter().filter_map(|field| field.name.strip_suffix(":0")) {
+        let components = [0, 1, 2].map(|axis| format!("{name}:{axis}"));
+        if !components.iter().all(|name| has(name)) {
+            continue;
+        }
+        let reader = |name: &String| store.field(&name.parse().unwrap_or_else(|never| match never {}));
+        let [x, y, z] = [reader(&components[0])?, reader(&components[1])?, reader(&components[2])?];
+        let Some(travel) = StoredTravel::of([&x, &y, &z], store.times()) else { continue };
+        assert!(travel.rows() <= (x.step_count() - 1) / StoredTravel::STEPS && travel.row(travel.rows()).is_none());
+        for ways in (0..travel.rows()).filter_map(|row| travel.row(row)) {
+            assert!(ways.len() == x.value_count() && ways.iter().all(|&way| way >= 0.0));
         }
     }
     Ok(())
