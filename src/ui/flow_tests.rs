@@ -6,7 +6,7 @@ use super::{Action, NoticeKind};
 use crate::look::FlowLook;
 use crate::pipeline::FlowLayer;
 use crate::playback::Command;
-use crate::render::flow::{FlowStyle, Icon};
+use crate::render::flow::{FlowIcons, FlowStyle, Icon, IconName, Thresholds};
 use crate::render::surfaces::ByField;
 
 /// The flow of the picture on the screen.
@@ -111,4 +111,29 @@ fn flow_is_switched_changed_coloured_and_undone() {
         desk.session.notices().first().cloned()
     });
     assert!(notice.kind == NoticeKind::Error && notice.text.contains("'wind"), "{notice:?}");
+}
+
+#[test]
+fn the_next_icon_takes_the_place_of_several_and_a_project_names_a_picture_by_its_place_beside_the_file() {
+    let mut desk = desk();
+    let mut several = desk.session.look().flow.clone().unwrap();
+    let names: Thresholds<IconName> = "strokes,arrows@0.5".parse().unwrap();
+    let icons = names.try_map(IconName::read).unwrap();
+    several.layer.icons = Some(FlowIcons::new(icons, Some("velocity:0".to_owned()), [0.0, 1.0]));
+    several.icons = Some("strokes,/folder/tile.png@0.5".parse().unwrap());
+    desk.act(Action::Flow(Some(Box::new(several.clone()))));
+    desk.settle();
+    assert_eq!(flow(&desk).unwrap().icons, several.layer.icons);
+    for (file, named) in [("/folder/p.toml", "tile.png"), ("/other/p.toml", "/folder/tile.png")] {
+        let look = desk.session.to_project(file.as_ref()).look;
+        assert_eq!(look.flow_icon.unwrap().to_string(), format!("strokes,{named}@0.5"));
+        assert_eq!(look.flow_by, "velocity:0".parse().ok());
+    }
+    desk.act(Action::NextIcon);
+    desk.settle();
+    let next = flow(&desk).unwrap();
+    assert_eq!((next.icons, next.style.icon), (None, Icon::Lines));
+    assert_eq!(desk.session.to_project("a.toml".as_ref()).look.flow_by, None);
+    desk.act(Action::Undo);
+    assert_eq!(desk.session.look().flow, Some(several));
 }

@@ -7,6 +7,7 @@ mod export;
 mod export_surfaces;
 mod fit;
 mod flow;
+mod flow_icons;
 mod import;
 mod movie;
 mod places;
