@@ -8,7 +8,7 @@ use crate::pipeline::{
     Backend, ColorsBeside, FaceDetail, FlowLayer, FrameRequest, FrameTime, KeyedSurfaces, Layer, RenderMode,
     Representation, Series, SurfaceLook, TetDraw,
 };
-use crate::render::flow::FlowStyle;
+use crate::render::flow::{FlowStyle, Icon, IconName, Thresholds};
 use crate::render::functions::{FunctionForm, Normalise, SheetStyle};
 use crate::render::points::PointStyle;
 use crate::render::surfaces::ByField;
@@ -70,6 +70,8 @@ pub struct FlowLook {
     pub layer: FlowLayer,
     /// The field and the map of its colours, by name.
     pub color_by: Option<ByField>,
+    /// The icons of the layer by name, if it has others than its style's.
+    pub icons: Option<Thresholds<IconName>>,
     /// The time of the series a second with which it goes on while a moment is held; `None`: [`FlowMeasure::rate`](crate::pipeline::FlowMeasure::rate).
     pub rate: Option<f64>,
 }
@@ -77,7 +79,13 @@ pub struct FlowLook {
 impl FlowLook {
     /// The flow of a field, in one colour, at its usual rate.
     pub fn new(field: String, style: FlowStyle) -> Self {
-        Self { layer: FlowLayer::new(field, style), color_by: None, rate: None }
+        Self { layer: FlowLayer::new(field, style), color_by: None, icons: None, rate: None }
+    }
+
+    /// Shows a generated icon alone.
+    pub fn set_icon(&mut self, icon: Icon) {
+        self.layer.style.icon = icon;
+        (self.layer.icons, self.icons) = (None, None);
     }
 
     /// Checks a rate.

@@ -1,11 +1,14 @@
 //! Options of flow.
 
+use crate::field::FieldSelector;
 use crate::look::{FlowLook, colors_beside};
 use crate::pipeline::{FlowLayer, Series};
-use crate::render::flow::{FlowFidelity, FlowStyle, Icon};
+use crate::render::flow::{FlowFidelity, FlowStyle, IconName, Thresholds};
 use crate::render::surfaces::ByField;
+use crate::task::Cancel;
 use crate::transfer::{Lengths, TransferFunction};
-use anyhow::{Context, anyhow};
+use anyhow::{Context, anyhow, bail};
+use std::path::absolute;
 
 /// Options for a field of vectors as textured splats.
 #[derive(Debug, Clone, clap::Args)]
@@ -13,9 +16,13 @@ pub(super) struct FlowArgs {
     /// Show the flow of a field of vectors in motion, as textured splats within the volume (docs/flow.md)
     #[arg(long, value_name = "FIELD")]
     flow: Option<String>,
-    /// Pattern along the flow: strokes, lines, particles or arrows
+    /// Pattern along the flow: strokes, lines, particles, arrows, or FILE.png, grey and periodic. Several by a value: ICON,ICON@FROM,..., each
+    /// further one from its value on, cross-faded around it
     #[arg(long, value_name = "ICON", default_value = "strokes", requires = "flow")]
-    flow_icon: Icon,
+    flow_icon: Thresholds<IconName>,
+    /// Field by which one of several patterns is chosen (default: the length of the vectors)
+    #[arg(long, value_name = "FIELD", requires = "flow")]
+    flow_by: Option<FieldSelector>,
     /// Number of splats, evenly through the volume (default: one at each vertex, or in each cell if the vectors are of cells)
     #[arg(long, value_name = "N", requires = "flow", value_parser = clap::value_parser!(u32).range(1..))]
     flow_splats: Option<u32>,
@@ -58,7 +65,7 @@ impl FlowArgs {
     ) -> anyhow::Result<Option<FlowLook>> {
         let Some(field) = self.flow.clone() else { return Ok(None) };
         let style = FlowStyle {
-            icon: self.flow_icon,
+            icon: self.flow_icon.generated().unwrap_or_default(),
             size: self.flow_size,
             length: self.flow_length,
             opacity: self.flow_opacity,
@@ -72,6 +79,29 @@ impl FlowArgs {
         let colors = by.map(|by| colors_beside(series, tf, lengths, by)).transpose().context("--flow-color")?;
         let layer = FlowLayer { colors, ..FlowLayer::new(field, style) };
         layer.check(series).map_err(|error| anyhow!("--{error}"))?;
-        Ok(Some(FlowLook { layer, color_by: self.flow_color.clone(), rate: self.flow_rate }))
+        let (layer, icons) = self.with_icons(layer, series)?;
+        Ok(Some(FlowLook { layer, color_by: self.flow_color.clone(), icons, rate: self.flow_rate }))
+    }
+
+    /// The layer with the icons of the options, and their names, unless it has a generated one alone.
+    fn with_icons(
+        &self,
+        layer: FlowLayer,
+        series: &Series,
+    ) -> anyhow::Result<(FlowLayer, Option<Thresholds<IconName>>)> {
+        if self.flow_by.is_some() && self.flow_icon.further.is_empty() {
+            bail!(
+                "--flow-by chooses among several icons; add one by --flow-icon {},arrows@FROM, or leave it out",
+                self.flow_icon
+            );
+        }
+        if self.flow_icon.generated().is_some() {
+            return Ok((layer, None));
+        }
+        let names = self.flow_icon.clone().with_paths(|file| absolute(&file).unwrap_or(file));
+        let icons = names.try_map(IconName::read).context("--flow-icon")?;
+        let option = if self.flow_by.is_some() { "--flow-by" } else { "--flow-icon" };
+        let layer = layer.with_icons(series, icons, self.flow_by.as_ref(), &Cancel::new()).context(option)?;
+        Ok((layer, Some(names)))
     }
 }

@@ -106,7 +106,11 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
     if says("range") && !project.ensembles.is_empty() {
         bail!("--range is for --tf; the members of {}'s ensembles have ranges of their own", path.display());
     }
+    if says("flow_icon") {
+        project.look.flow_by = None;
+    }
     let folder = files::parent_of(path);
+    project.look = project.look.with_paths(|file| folder.join(file));
     let mut options = scene_options(&project)?;
     if taker == Taker::Render {
         leave_out_what_does_not_fit(&mut project.output, given);
@@ -254,7 +258,7 @@ mod tests {
     use glam::DVec3;
 
     /// Options of looks, by what they set.
-    const LOOKS: [&str; 18] = [
+    const LOOKS: [&str; 20] = [
         "",
         "--opacity-kind extinction --unit-distance 0.1 --optics partial --backend cpu",
         "--mode havs --lod 0.3 --sampling greedy:9 --k 12 --inexact-order",
@@ -272,6 +276,8 @@ mod tests {
         "--iso=-30.2 --no-volume --light 1,2,3 --shade-volume --no-smoothing",
         "--cut point=1,2,3_normal=0,0.6,0.8_clip --cut point=0,0,5_normal=1,0,0_field=velocity:2@inferno",
         "--flow velocity --flow-icon arrows --flow-splats 90 --flow-size 0.7 --flow-length 3 --flow-opacity 0.5 --flow-speed 2 --flow-rate 3 --flow-fidelity paper --flow-color velocity:mag@gray",
+        "--flow velocity --flow-icon particles,lines@0.5,arrows@2",
+        "--flow velocity --flow-icon lines,arrows@-70 --flow-by pressure",
         "--surface solid:#ff0000:0.5 --surface edges --crop min=-3,-3,-3_max=3,3,9 --parts 0",
     ];
 

@@ -20,7 +20,7 @@ pub use metrics::{
     compare_normals, compare_raw,
 };
 pub use planes::{Plane, PlaneSamples, Planes};
-pub use png::{PngDepth, read_png, read_png_text, write_png, write_png_with_texts};
+pub use png::{PngDepth, read_grey_png, read_png, read_png_text, write_png, write_png_with_texts};
 pub use sheet::{amplified_difference, contact_sheet};
 
 use crate::error::{FileError, FileResult};

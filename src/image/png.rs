@@ -1,6 +1,6 @@
 //! PNG files of display-referred values.
 
-use super::{RgbaImage, over};
+use super::{Plane, RgbaImage, over};
 use crate::error::{FileError, FileResult};
 use crate::files;
 use std::io::{BufReader, BufWriter};
@@ -159,15 +159,43 @@ fn buffer_size(path: &Path, reader: &PngReader) -> FileResult<usize> {
     reader.output_buffer_size().ok_or_else(too_large)
 }
 
+/// Decodes the pixels of a PNG; samples of less than 8 bits come as bytes.
+fn decoded(path: &Path) -> FileResult<(png::OutputInfo, Vec<u8>)> {
+    let mut reader = open(path)?;
+    let mut bytes = vec![0; buffer_size(path, &reader)?];
+    let info = reader.next_frame(&mut bytes).map_err(|e| unreadable(path, e))?;
+    bytes.truncate(info.buffer_size());
+    Ok((info, bytes))
+}
+
+/// Reads a grey PNG of 8 or 16 bits without alpha to levels of 16 bits.
+///
+/// # Errors
+/// If the file cannot be opened, is no PNG, is damaged, or has colours or alpha.
+pub fn read_grey_png(path: &Path) -> FileResult<Plane<u16>> {
+    let (info, bytes) = decoded(path)?;
+    let refused = match info.color_type {
+        png::ColorType::Grayscale => None,
+        png::ColorType::GrayscaleAlpha => Some("alpha"),
+        png::ColorType::Rgb | png::ColorType::Rgba | png::ColorType::Indexed => Some("colours"),
+    };
+    if let Some(has) = refused {
+        let problem = format!("the picture has {has}, and one channel is needed");
+        return Err(FileError::unsupported(path, "header", problem).remedy("save it in shades of grey, without alpha"));
+    }
+    let pixels = match info.bit_depth {
+        png::BitDepth::Sixteen => bytes.as_chunks().0.iter().map(|&level| u16::from_be_bytes(level)).collect(),
+        _ => bytes.iter().map(|&level| 257 * u16::from(level)).collect(),
+    };
+    Ok(Plane { width: info.width as usize, height: info.height as usize, pixels })
+}
+
 /// Reads a PNG of 8 or 16 bits, grey, RGB or palette, with or without alpha, to premultiplied values.
 ///
 /// # Errors
 /// If the file cannot be opened, is no PNG, or is damaged.
 pub fn read_png(path: &Path) -> FileResult<RgbaImage> {
-    let mut reader = open(path)?;
-    let mut bytes = vec![0; buffer_size(path, &reader)?];
-    let info = reader.next_frame(&mut bytes).map_err(|e| unreadable(path, e))?;
-    bytes.truncate(info.buffer_size());
+    let (info, bytes) = decoded(path)?;
     let samples: Vec<f32> = match info.bit_depth {
         png::BitDepth::Sixteen => {
             bytes.as_chunks().0.iter().map(|&b| f32::from(u16::from_be_bytes(b)) / 65535.0).collect()
@@ -293,10 +321,33 @@ mod tests {
     }
 
     #[test]
+    fn one_channel_is_read_to_sixteen_bits_and_colours_and_alpha_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.png");
+        write_with(&path, png::ColorType::Grayscale, png::BitDepth::Eight, None, &[7, 255]);
+        let grey = read_grey_png(&path).unwrap();
+        assert_eq!((grey.width, grey.height, grey.pixels), (2, 1, vec![7 * 257, 65_535]));
+        write_with(&path, png::ColorType::Grayscale, png::BitDepth::Sixteen, None, &[1, 2, 255, 254]);
+        assert_eq!(read_grey_png(&path).unwrap().pixels, [258, 65_534]);
+        for (color, samples, has) in [
+            (png::ColorType::Rgb, 6, "colours"),
+            (png::ColorType::Rgba, 8, "colours"),
+            (png::ColorType::GrayscaleAlpha, 4, "alpha"),
+            (png::ColorType::Indexed, 2, "colours"),
+        ] {
+            let palette = (color == png::ColorType::Indexed).then_some(&[0; 3][..]);
+            write_with(&path, color, png::BitDepth::Eight, palette, &vec![0; samples]);
+            let error = read_grey_png(&path).unwrap_err().to_string();
+            assert!(["a.png", "header", has, "shades of grey"].iter().all(|part| error.contains(part)), "{error}");
+        }
+    }
+
+    #[test]
     fn files_that_are_no_whole_png_are_named() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("broken.png");
         assert!(read_png(&path).unwrap_err().to_string().contains("broken.png"));
+        assert!(read_grey_png(&path).unwrap_err().to_string().contains("broken.png"));
         write_png(&path, &image(), None, PngDepth::Eight).unwrap();
         let whole = std::fs::read(&path).unwrap();
         for length in 0..whole.len() - 12 {

@@ -6,10 +6,12 @@ use super::steps::{StepCache, StepCaches};
 use super::travel::{Speeds, Travel};
 use super::{ColorsBeside, FrameTime, PipelineError, RequestError};
 use crate::camera::View;
-use crate::field::{Association, Component, FieldSelector};
+use crate::field::{Association, Component, FieldSelector, Scalars};
 use crate::mesh::{Mesh, Plane};
 use crate::render::LayerFragments;
-use crate::render::flow::{self, FlowColors, FlowScene, FlowStyle, HeldFlow, Shapes};
+use crate::render::flow::{
+    self, FlowColors, FlowIcons, FlowScene, FlowStyle, HeldFlow, Mixture, Pattern, Shapes, Thresholds,
+};
 use crate::render::reference::flow_fragments;
 use crate::render::surfaces::FieldBeside;
 use crate::stats::FrameStats;
@@ -28,6 +30,9 @@ pub struct FlowLayer {
     pub field: String,
     /// How its splats look.
     pub style: FlowStyle,
+    /// Icons in place of the style's: the user's, or several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub icons: Option<FlowIcons>,
     /// The field and colour table that colour them; `None`: [`FlowStyle::COLOR`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colors: Option<ColorsBeside>,
@@ -47,18 +52,60 @@ fn is_zero(time: &f64) -> bool {
 impl FlowLayer {
     /// The flow of a field.
     pub fn new(field: String, style: FlowStyle) -> Self {
-        Self { field, style, colors: None, held: 0.0, shutter: 0.0 }
+        Self { field, style, icons: None, colors: None, held: 0.0, shutter: 0.0 }
     }
 
     /// Why it cannot be drawn, whatever the series holds.
     pub(super) fn check_style(&self) -> Result<(), String> {
         self.style.check()?;
+        self.icons.as_ref().map_or(Ok(()), FlowIcons::check)?;
         for (name, time) in [("is held for a time", self.held), ("has a shutter", self.shutter)] {
             if !(time >= 0.0 && time.is_finite()) {
                 return Err(format!("flow {name} of {time}; it must be zero or above"));
             }
         }
         Ok(())
+    }
+
+    /// The layer with icons in place of its style's, chosen by a field, or by the length of its vectors. Cross-fades are a share of the range of
+    /// that field over the series, of lengths over some steps of it.
+    ///
+    /// # Errors
+    /// If thresholds do not ascend, there is no such field beside the vectors, it has no finite value, or the vectors cannot be read, or
+    /// `Cancelled`.
+    pub fn with_icons(
+        self,
+        series: &Series,
+        icons: Thresholds<Pattern>,
+        by: Option<&FieldSelector>,
+        cancel: &Cancel,
+    ) -> Result<Self, PipelineError> {
+        icons.check().map_err(RequestError::Flow)?;
+        let range = match by {
+            // There is nothing to choose.
+            _ if icons.further.is_empty() => [0.0; 2],
+            Some(field) => {
+                let [vectors, ..] = components(series, &self.field)?;
+                let range = beside(series, field, &vectors)?.field().range.map(|range| range.map(f64::from));
+                range.ok_or_else(|| {
+                    RequestError::Flow(format!("'{field}' has no finite value; choose icons by another field"))
+                })?
+            }
+            None => {
+                let speeds = speeds(&components(series, &self.field)?, cancel)?.ok_or(PipelineError::Cancelled)?;
+                [0.0, 1.0].map(|share| speeds.value_at(share).map_or(0.0, f64::from))
+            }
+        };
+        let icons = FlowIcons::new(icons, by.map(ToString::to_string), range);
+        Ok(Self { icons: Some(icons), ..self })
+    }
+
+    /// All fields that it reads: components of its vectors, and those of its colours and icons.
+    pub fn fields(&self) -> Vec<FieldSelector> {
+        let colors = self.colors.as_ref().map(|of| &of.field);
+        let icons = self.icons.as_ref().and_then(|of| of.by.as_ref());
+        let beside = colors.into_iter().chain(icons).map(|name| selector(name));
+        [0, 1, 2].map(|index| component(&self.field, index)).into_iter().chain(beside).collect()
     }
 
     /// What is usual for its vectors; `None` if `cancel` was raised.
@@ -79,15 +126,9 @@ impl FlowLayer {
     /// # Errors
     /// If the series has no such vectors, or no cells around them, or what has the colours' scalars does not have them.
     pub fn check(&self, series: &Series) -> Result<(), RequestError> {
-        let components = components(series, &self.field)?;
-        match &self.colors {
-            Some(ColorsBeside { field, .. }) => {
-                let no_field = |error| RequestError::NoFieldBeside(format!("'{field}': {error}"));
-                let Ok(selector) = field.parse();
-                check_colors(&*series.beside(&selector).map_err(no_field)?, &components[0])
-            }
-            None => Ok(()),
-        }
+        let [vectors, ..] = components(series, &self.field)?;
+        let colors = self.colors.as_ref();
+        colors.map_or(Ok(()), |ColorsBeside { field, .. }| beside(series, &selector(field), &vectors).map(drop))
     }
 }
 
@@ -129,6 +170,7 @@ pub(super) struct FlowValues {
     sites: Association,
     vectors: [Arc<Vec<f32>>; 3],
     travel: Arc<Vec<f64>>,
+    mixture: Option<Mixture>,
     colors: FlowColors,
 }
 
@@ -142,7 +184,7 @@ pub(super) struct DecodeFlow {
     /// The series of the first component of `travel`.
     travel_of: Weak<Series>,
     travel: Travel,
-    colors: StepCaches,
+    beside: StepCaches,
 }
 
 impl DecodeFlow {
@@ -167,7 +209,10 @@ impl DecodeFlow {
             self.travel_of = Arc::downgrade(&fields[0]);
         }
         let sites = fields[0].values_of();
+        let of_beside = [layer.colors.as_ref().map(|of| &of.field), layer.icons.as_ref().and_then(|of| of.by.as_ref())];
+        self.beside.keep(|field| of_beside.into_iter().flatten().any(|of| of == field));
         let colors = self.colors(series, (layer, &fields[0]), time, cancel, stats)?;
+        let mixture = self.mixture(series, (layer, &fields[0]), time, cancel, stats)?;
         let Self { components, travel, .. } = self;
         let mut vectors = |time: FrameTime| -> Result<Option<[Arc<Vec<f32>>; 3]>, PipelineError> {
             let mut found = [const { None }; 3];
@@ -185,7 +230,7 @@ impl DecodeFlow {
         let vectors = vectors(time)?.ok_or(PipelineError::Cancelled)?;
         stats.flow_still = is_still(&vectors);
         let held = HeldFlow { time: layer.held, shutter: layer.shutter };
-        Ok(FlowValues { style: layer.style, held, sites, vectors, travel, colors })
+        Ok(FlowValues { style: layer.style, held, sites, vectors, travel, mixture, colors })
     }
 
     fn colors(
@@ -196,26 +241,61 @@ impl DecodeFlow {
         cancel: &Cancel,
         stats: &mut FrameStats,
     ) -> Result<FlowColors, PipelineError> {
-        self.colors.keep(|field| layer.colors.as_ref().is_some_and(|of| of.field == field));
         let Some(ColorsBeside { field, colors }) = &layer.colors else { return Ok(FlowColors::One(FlowStyle::COLOR)) };
-        let no_field = |error| RequestError::NoFieldBeside(format!("'{field}': {error}"));
-        let other = series.beside(&field.parse().map_err(no_field)?)?;
-        check_colors(&other, vectors)?;
-        let scalars = self.colors.of(field).show(&other, time, None, cancel, stats)?.ok_or(PipelineError::Cancelled)?;
-        Ok(FlowColors::Of(FieldBeside { scalars: other.scalars(scalars), colors: colors.clone() }))
+        let scalars = self.scalars(series, (field, vectors), time, cancel, stats)?;
+        Ok(FlowColors::Of(FieldBeside { scalars, colors: colors.clone() }))
+    }
+
+    fn mixture(
+        &mut self,
+        series: &Series,
+        (layer, vectors): (&FlowLayer, &Series),
+        time: FrameTime,
+        cancel: &Cancel,
+        stats: &mut FrameStats,
+    ) -> Result<Option<Mixture>, PipelineError> {
+        let Some(icons) = &layer.icons else { return Ok(None) };
+        let mut values = |field: &String| self.scalars(series, (field, vectors), time, cancel, stats);
+        let values = icons.by.as_ref().map(&mut values).transpose()?;
+        Ok(Some(Mixture { icons: icons.clone(), values }))
+    }
+
+    /// The values of another field at a time, of what has the vectors.
+    fn scalars(
+        &mut self,
+        series: &Series,
+        (field, vectors): (&str, &Series),
+        time: FrameTime,
+        cancel: &Cancel,
+        stats: &mut FrameStats,
+    ) -> Result<Scalars, PipelineError> {
+        let other = beside(series, &selector(field), vectors)?;
+        let values = self.beside.of(field).show(&other, time, None, cancel, stats)?.ok_or(PipelineError::Cancelled)?;
+        Ok(other.scalars(values))
     }
 }
 
-/// Refuses to colour vectors by a field that has other values: of vertices or of cells.
-fn check_colors(colors: &Series, vectors: &Series) -> Result<(), RequestError> {
-    if colors.values_of() == vectors.values_of() {
-        return Ok(());
+/// The field that options name so.
+fn selector(name: &str) -> FieldSelector {
+    let Ok(field) = name.parse();
+    field
+}
+
+/// A component of a field of vectors.
+fn component(field: &str, index: usize) -> FieldSelector {
+    FieldSelector { name: field.to_owned(), component: Some(Component::Index(index)) }
+}
+
+/// Another field of a series, with values of what has the vectors.
+fn beside(series: &Series, field: &FieldSelector, vectors: &Series) -> Result<Arc<Series>, RequestError> {
+    let other = series.beside(field).map_err(|error| RequestError::NoFieldBeside(format!("'{field}': {error}")))?;
+    if other.values_of() == vectors.values_of() {
+        return Ok(other);
     }
     let word = |of: &Series| if of.values_of() == Association::Point { "vertices" } else { "cells" };
-    let (of, needed) = (word(colors), word(vectors));
+    let (of, needed) = (word(&other), word(vectors));
     Err(RequestError::Flow(format!(
-        "'{}' has values of {of}, and the vectors of {needed}; colour the flow by a field of {needed}",
-        colors.field.name
+        "'{field}' has values of {of}, and the vectors of {needed}; choose a field of {needed} for the flow"
     )))
 }
 
@@ -225,10 +305,7 @@ fn components(series: &Series, field: &str) -> Result<[Arc<Series>; 3], RequestE
         let problem = "splats are as wide as the cells around, and the series is of points alone; leave flow out";
         return Err(RequestError::Flow(problem.to_owned()));
     }
-    let component = |index| {
-        let selector = FieldSelector { name: field.to_owned(), component: Some(Component::Index(index)) };
-        series.beside(&selector)
-    };
+    let component = |index| series.beside(&component(field, index));
     let none = |error| {
         RequestError::Flow(format!(
             "'{field}' is no field of vectors with three components: {error}; choose one that the source has as a vector, whose components are imported unless --field names others"
@@ -289,7 +366,7 @@ impl OrderFlow {
         stats: &mut FrameStats,
     ) -> Result<LayerFragments, PipelineError> {
         let started = Instant::now();
-        let FlowValues { style, held, sites, vectors, travel, colors } = values;
+        let FlowValues { style, held, sites, vectors, travel, mixture, colors } = values;
         if self.of.as_ptr() != Arc::as_ptr(mesh) || self.sites != Some(sites) {
             *self = Self { of: Arc::downgrade(mesh), sites: Some(sites), ..Self::default() };
         }
@@ -305,6 +382,7 @@ impl OrderFlow {
         self.chosen.clone_from(&chosen);
         let scene = FlowScene {
             style,
+            mixture,
             mesh: mesh.clone(),
             vectors,
             travel,
@@ -340,6 +418,7 @@ fn shown(mesh: &Mesh, sites: Association, cells: &CellSet) -> Vec<bool> {
 mod tests {
     use super::*;
     use crate::ingest::{IngestOptions, ingest};
+    use crate::render::flow::{Icon, Picture};
     use crate::store::Store;
     use crate::synth::{SeriesName, SynthSpec, generate};
     use crate::task::Silent;
@@ -372,5 +451,40 @@ mod tests {
         assert!((2.0 * measure.speed * measure.rate(&style, 25.0) / 25.0 / 3.0 - 0.25).abs() < 1e-12);
         let still = FlowMeasure { speed: 0.0, ..measure };
         assert_eq!(still.rate(&style, 25.0), 1.0);
+    }
+
+    #[test]
+    fn cross_fades_are_a_share_of_a_range_over_the_series_and_a_request_has_the_icons_themselves() {
+        let folder = tempfile::tempdir().unwrap();
+        let tornado = generate(&SynthSpec { cells: 600, steps: 3, ..SynthSpec::new(SeriesName::Tornado) }).unwrap();
+        let path = folder.path().join("t.zarr");
+        ingest(&tornado, &path, &IngestOptions::default(), &Silent, &Cancel::new()).unwrap();
+        let series = Series::open(&Store::open(&path).unwrap(), Some(&selector("pressure"))).unwrap();
+        let row = |wide| (0..64).map(|at| if at % 32 < wide { 60_000 } else { 9 }).collect::<Vec<u16>>();
+        let picture = |wide| Pattern::Picture(Arc::new(Picture::try_from(vec![row(wide); 64]).unwrap()));
+        let icons = |wide| Thresholds { first: picture(wide), further: vec![(1.0, Pattern::Icon(Icon::Arrows))] };
+        let layer = FlowLayer::new("velocity".to_owned(), FlowStyle::default());
+        let by = |field: Option<&str>| {
+            layer.clone().with_icons(&series, icons(5), field.map(selector).as_ref(), &Cancel::new())
+        };
+        let fade = |layer: &FlowLayer| layer.icons.as_ref().unwrap().fade;
+        let width = |series: &Series| {
+            let [least, greatest] = series.field().range.unwrap().map(f64::from);
+            0.02 * (greatest - least)
+        };
+        let [by_pressure, by_speed] = [by(Some("pressure")), by(None)].map(Result::unwrap);
+        assert_eq!(fade(&by_pressure), width(&series));
+        // All values of so short a series are sampled; lengths are rounded to f32 once.
+        let lengths = width(&series.beside(&selector("velocity:mag")).unwrap());
+        assert!((fade(&by_speed) / lengths - 1.0).abs() < 1e-6, "{} {lengths}", fade(&by_speed));
+        assert!(by(Some("wind")).unwrap_err().to_string().contains("'wind'"));
+        let fields = ["velocity:0", "velocity:1", "velocity:2", "pressure"].map(selector);
+        assert_eq!((by_pressure.fields(), by_speed.fields()), (fields.to_vec(), fields[..3].to_vec()));
+        let text = |layer: &FlowLayer| serde_json::to_string(layer).unwrap();
+        assert_eq!(serde_json::from_str::<FlowLayer>(&text(&by_pressure)).unwrap(), by_pressure);
+        let other = layer.clone().with_icons(&series, icons(6), Some(&selector("pressure")), &Cancel::new()).unwrap();
+        assert!(other != by_pressure && text(&other) != text(&by_pressure));
+        let bad = FlowIcons { fade: -1.0, ..other.icons.unwrap() };
+        assert!(FlowLayer { icons: Some(bad), ..layer }.check_style().unwrap_err().contains("cross-faded"));
     }
 }

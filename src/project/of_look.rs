@@ -3,9 +3,10 @@
 use super::LookSettings;
 use crate::look::{FlowLook, Look};
 use crate::pipeline::{RenderMode, Shown, SurfaceLook, TetDraw};
-use crate::render::flow::FlowStyle;
+use crate::render::flow::{FlowStyle, Thresholds};
 use crate::render::functions::SheetSpacing;
 use crate::render::surfaces::{ByField, CutText, IsosurfaceText};
+use std::path::PathBuf;
 
 impl LookSettings {
     /// The settings that give this look; those that it shares with `usual`, the look without settings, are left out. Colours, opacities and
@@ -59,11 +60,12 @@ impl LookSettings {
 
     /// The settings with those of flow.
     fn with_flow(self, flow: Option<&FlowLook>) -> Self {
-        let Some(FlowLook { layer, color_by, rate }) = flow else { return self };
+        let Some(FlowLook { layer, color_by, icons, rate }) = flow else { return self };
         let (style, usual) = (layer.style, FlowStyle::default());
         Self {
             flow: Some(layer.field.clone()),
-            flow_icon: differing(style.icon, usual.icon),
+            flow_icon: icons.clone().or_else(|| differing(style.icon, usual.icon).map(Thresholds::from)),
+            flow_by: layer.icons.as_ref().and_then(|icons| icons.by.as_ref()?.parse().ok()),
             flow_splats: style.splats,
             flow_size: differing(style.size, usual.size),
             flow_length: style.length,
@@ -74,6 +76,12 @@ impl LookSettings {
             flow_color: color_by.as_ref().map(ToString::to_string),
             ..self
         }
+    }
+
+    /// The settings with other paths of the files that they name.
+    #[must_use]
+    pub fn with_paths(self, path: impl Fn(PathBuf) -> PathBuf) -> Self {
+        Self { flow_icon: self.flow_icon.map(|icons| icons.with_paths(path)), ..self }
     }
 
     /// The settings of surfaces alone.

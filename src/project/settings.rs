@@ -5,7 +5,7 @@ use crate::camera::{Camera, CameraError};
 use crate::field::{FieldSelector, Regions};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode, Representation};
-use crate::render::flow::{FlowFidelity, Icon};
+use crate::render::flow::{FlowFidelity, IconName, Thresholds};
 use crate::render::functions::{FunctionDomain, Normalise};
 use crate::render::points::{Compositing, Footprint};
 use crate::render::surfaces::{CropBox, Light, Normals};
@@ -133,9 +133,12 @@ pub struct LookSettings {
     /// The field of vectors whose flow is shown.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flow: Option<String>,
-    /// The pattern along the flow.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub flow_icon: Option<Icon>,
+    /// The patterns along the flow, as `--flow-icon` has them; files are relative to the folder of the project file.
+    #[serde(skip_serializing_if = "Option::is_none", with = "as_text")]
+    pub flow_icon: Option<Thresholds<IconName>>,
+    /// The field by which one of several is chosen.
+    #[serde(skip_serializing_if = "Option::is_none", with = "as_text")]
+    pub flow_by: Option<FieldSelector>,
     /// Number of splats.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flow_splats: Option<u32>,

@@ -52,6 +52,8 @@ fn whole() -> Project {
         shade: Some(Normals::Vertex),
         light: Some(Light::From([0.0, 0.5, -1.0])),
         optics: Some(OpticsKind::Table3d),
+        flow_icon: Some("lines,tiles/a, b.png@-2.5".parse().unwrap()),
+        flow_by: Some("v:0".parse().unwrap()),
         ..Default::default()
     };
     project.cameras = ["front", "from the left"]
@@ -334,6 +336,14 @@ fn what_the_manual_shows_and_what_is_shipped_is_read() {
     let shipped = include_str!("../../data/projects/tornado.toml");
     let shipped = Project::parse(shipped, Path::new("data/projects/tornado.toml")).unwrap();
     assert_eq!((shipped.ensembles.len(), shipped.timeline.ensembles.keys().len()), (2, 2));
+}
+
+#[test]
+fn files_of_a_look_are_found_from_another_folder() {
+    let moved = whole().look.with_paths(|file| Path::new("folder").join(file));
+    assert_eq!(moved.flow_icon.as_ref().unwrap().to_string(), "lines,folder/tiles/a, b.png@-2.5");
+    let back = moved.with_paths(|file| file.strip_prefix("folder").unwrap().to_owned());
+    assert_eq!(back, whole().look);
 }
 
 #[test]

@@ -8,7 +8,7 @@ use crate::ingest::{IngestOptions, ingest};
 use crate::look::FlowLook;
 use crate::pipeline::{FlowLayer, Series};
 use crate::playback::Command;
-use crate::render::flow::{FlowStyle, Icon};
+use crate::render::flow::{FlowIcons, FlowStyle, Icon, IconName, Thresholds};
 use crate::render::surfaces::ByField;
 use crate::store::Store;
 use crate::synth::{SeriesName, SynthSpec, generate};
@@ -146,4 +146,29 @@ fn that_nothing_flows_is_said_once() {
     }
     let [notice] = desk.session.notices() else { panic!("{:?}", desk.session.notices()) };
     assert!(notice.kind == NoticeKind::Done && notice.count == 1 && notice.text.contains("'still'"), "{notice:?}");
+}
+
+#[test]
+fn the_next_icon_takes_the_place_of_several_and_a_project_names_a_picture_by_its_place_beside_the_file() {
+    let mut desk = desk();
+    let mut several = desk.session.look().flow.clone().unwrap();
+    let names: Thresholds<IconName> = "strokes,arrows@0.5".parse().unwrap();
+    let icons = names.try_map(IconName::read).unwrap();
+    several.layer.icons = Some(FlowIcons::new(icons, Some("velocity:0".to_owned()), [0.0, 1.0]));
+    several.icons = Some("strokes,/folder/tile.png@0.5".parse().unwrap());
+    desk.act(Action::Flow(Some(Box::new(several.clone()))));
+    desk.settle();
+    assert_eq!(flow(&desk).unwrap().icons, several.layer.icons);
+    for (file, named) in [("/folder/p.toml", "tile.png"), ("/other/p.toml", "/folder/tile.png")] {
+        let look = desk.session.to_project(file.as_ref()).look;
+        assert_eq!(look.flow_icon.unwrap().to_string(), format!("strokes,{named}@0.5"));
+        assert_eq!(look.flow_by, "velocity:0".parse().ok());
+    }
+    desk.act(Action::NextIcon);
+    desk.settle();
+    let next = flow(&desk).unwrap();
+    assert_eq!((next.icons, next.style.icon), (None, Icon::Lines));
+    assert_eq!(desk.session.to_project("a.toml".as_ref()).look.flow_by, None);
+    desk.act(Action::Undo);
+    assert_eq!(desk.session.look().flow, Some(several));
 }

@@ -22,6 +22,7 @@ use super::sequence::{FramePattern, FrameWriter};
 use super::still::{FrameAttributes, StillFormat, StillOptions};
 use crate::camera::CameraError;
 use crate::error::{FileError, FileResult};
+use crate::field::FieldSelector;
 use crate::files;
 use crate::pipeline::{
     FrameRequest, Pipeline, PipelineError, PipelinedOptions, RequestError, UpsampleFilter, Upsampling,
@@ -205,7 +206,7 @@ impl Run {
     /// If a file is in the way or a step is damaged, which is found before the first frame is written; else the error of the first frame that fails.
     pub fn render(&self, scene: &mut Scene, progress: &dyn Progress) -> Result<Vec<FrameRecord>, RunError> {
         self.check_places()?;
-        let fields = 1 + scene.look.surfaces.beside.len();
+        let fields = 1 + fields_beside(scene).len();
         progress.begin("check", (fields * self.plan.steps.len()) as u64, "steps");
         let checked = self.check_steps(scene, progress);
         progress.end();
@@ -243,9 +244,7 @@ impl Run {
     /// Checks that all steps can be read, since half a sequence would look like a whole one; returns the checksum of each.
     fn check_steps(&self, scene: &Scene, progress: &dyn Progress) -> Result<Vec<u32>, RunError> {
         let mut checksums = scene.pipeline.check_steps(&self.plan.steps, progress, scene.cancel())?;
-        // The fields that colour surfaces count as well.
-        for of in &scene.look.surfaces.beside {
-            let Ok(field) = of.field.parse();
+        for field in fields_beside(scene) {
             let other = Pipeline::new(scene.pipeline.series().beside(&field)?);
             let others = other.check_steps(&self.plan.steps, progress, scene.cancel())?;
             let pairs = checksums.iter_mut().zip(others);
@@ -253,6 +252,15 @@ impl Run {
         }
         Ok(checksums)
     }
+}
+
+/// The fields beside a scene's own that its pictures show: those that colour surfaces, and those of flow.
+fn fields_beside(scene: &Scene) -> Vec<FieldSelector> {
+    let of_surfaces = scene.look.surfaces.beside.iter().map(|of| {
+        let Ok(field) = of.field.parse();
+        field
+    });
+    of_surfaces.chain(scene.look.flow.iter().flat_map(|flow| flow.layer.fields())).collect()
 }
 
 /// The metadata of a scene's last request, as frame number `frame` of the run.

@@ -11,10 +11,10 @@ use std::sync::OnceLock;
 /// Texels along and across.
 pub(in crate::render) const TEXELS: usize = 64;
 
-/// Mean of each icon.
-pub(in crate::render) const MEAN: f64 = 0.2;
+/// Mean of each generated icon.
+pub(super) const MEAN: f64 = 0.2;
 
-/// The pattern of splats.
+/// A generated pattern of splats.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Icon {
@@ -110,17 +110,19 @@ fn soft(at: f64) -> f64 {
 pub(in crate::render) struct IconSums {
     /// For each power of two and each row, sums before each texel, and of all.
     levels: Vec<Vec<[f64; TEXELS + 1]>>,
+    /// Mean of the icon.
+    whole: f64,
 }
 
 impl IconSums {
     /// The sums of an icon, made when it is first drawn.
     pub(in crate::render) fn of(icon: Icon) -> &'static Self {
         static ALL: [OnceLock<IconSums>; Icon::ALL.len()] = [const { OnceLock::new() }; Icon::ALL.len()];
-        ALL[icon as usize].get_or_init(|| Self::make(icon))
+        ALL[icon as usize].get_or_init(|| Self::make(&icon.texels(), MEAN))
     }
 
-    fn make(icon: Icon) -> Self {
-        let texels = icon.texels();
+    /// The sums of the texels of an icon with this mean.
+    pub(super) fn make(texels: &[[f64; TEXELS]], whole: f64) -> Self {
         let level = |level: u32| {
             let rows = 1usize << level;
             let sums = |first: usize| {
@@ -133,7 +135,13 @@ impl IconSums {
             };
             (0..TEXELS).map(sums).collect()
         };
-        Self { levels: (0..=TEXELS.ilog2()).map(level).collect() }
+        Self { levels: (0..=TEXELS.ilog2()).map(level).collect(), whole }
+    }
+
+    /// The mean of the icon, into which it fades.
+    #[inline(always)]
+    pub(super) fn whole(&self) -> f64 {
+        self.whole
     }
 
     /// The level whose rows are at least as many texels as a pixel is across.

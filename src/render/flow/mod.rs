@@ -13,13 +13,20 @@
 //! as [`LayerFragments`], which every renderer composites between its segments.
 
 mod icon;
+mod mixture;
+mod names;
+mod picture;
 mod rows;
 mod splat;
 #[cfg(test)]
 mod tests;
 
 pub use icon::Icon;
-pub(in crate::render) use icon::{MEAN, TEXELS};
+pub(in crate::render) use icon::TEXELS;
+pub(crate) use mixture::Mixture;
+pub use mixture::{FlowIcons, Pattern, Thresholds};
+pub use names::IconName;
+pub use picture::{Picture, Unfit};
 pub(in crate::render) use splat::{COMPRESSED, END, PIXEL};
 
 use super::surfaces::FieldBeside;
@@ -184,6 +191,8 @@ impl Shapes {
 #[derive(Clone, Debug)]
 pub struct FlowScene {
     pub(crate) style: FlowStyle,
+    /// Icons in place of the style's.
+    pub(crate) mixture: Option<Mixture>,
     pub(crate) mesh: Arc<Mesh>,
     /// The components of the vectors, one per site.
     pub(crate) vectors: [Arc<Vec<f32>>; 3],
@@ -214,7 +223,19 @@ impl FlowScene {
         let shown = Arc::new(vec![true; shapes.of_sites.len()]);
         let colors = FlowColors::One(FlowStyle::COLOR);
         let held = HeldFlow::default();
-        Self { style, mesh, vectors, travel, held, colors, shapes, shown, chosen: None, clips: Vec::new() }
+        Self {
+            style,
+            mixture: None,
+            mesh,
+            vectors,
+            travel,
+            held,
+            colors,
+            shapes,
+            shown,
+            chosen: None,
+            clips: Vec::new(),
+        }
     }
 
     /// The sites of splats, ascending.
@@ -294,12 +315,10 @@ impl FlowScene {
         let seen = |site: u32| Splat::of(self, site, view);
         let mut splats: Vec<Splat> = self.sites().into_par_iter().filter_map(seen).collect();
         splats.par_sort_by(|a, b| a.depth.total_cmp(&b.depth).then(a.site.cmp(&b.site)));
-        let fragments = rows::fragments(
-            &splats,
-            (IconSums::of(self.style.icon), self.style.opacity),
-            view,
-            self.mesh.positions.scale,
-        )?;
+        let Thresholds { first, further } = self.patterns();
+        let icons: Vec<&IconSums> =
+            [&first].into_iter().chain(further.iter().map(|(_, icon)| icon)).map(Pattern::sums).collect();
+        let fragments = rows::fragments(&splats, (&icons, self.style.opacity), view, self.mesh.positions.scale)?;
         let fast = splats.iter().filter(|splat| FlowCounts::is_fast(splat.blur)).count() as u64;
         Ok((fragments, FlowCounts { splats: splats.len() as u64, fast }))
     }

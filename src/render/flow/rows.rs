@@ -12,13 +12,13 @@ use std::ops::Range;
 /// Most fragments of a frame: 2 GiB in all.
 pub(in crate::render) const MOST: u64 = 1 << 26;
 
-/// The fragments of splats in their order. `per_unit` is the world length of a local unit.
+/// The fragments of splats in their order, with all icons of the scene. `per_unit` is the world length of a local unit.
 ///
 /// # Errors
 /// If there would be more than [`MOST`].
 pub(super) fn fragments(
     splats: &[Splat],
-    (sums, opacity): (&IconSums, f64),
+    (icons, opacity): (&[&IconSums], f64),
     view: &View,
     per_unit: f64,
 ) -> Result<LayerFragments, RenderError> {
@@ -36,7 +36,7 @@ pub(super) fn fragments(
             #[inline(always)]
             || {
                 for &splat in by_row.of(row) {
-                    splats[splat as usize].row(splat, row, (sums, opacity), view, &mut found);
+                    splats[splat as usize].row(splat, row, (icons, opacity), view, &mut found);
                 }
             },
         );
@@ -133,13 +133,14 @@ impl Splat {
 
     /// Appends what the splat, number `id`, has in a row, from left to right.
     #[inline(always)]
-    fn row(&self, id: u32, row: usize, (sums, opacity): (&IconSums, f64), view: &View, found: &mut Vec<Found>) {
+    fn row(&self, id: u32, row: usize, (icons, opacity): (&[&IconSums], f64), view: &View, found: &mut Vec<Found>) {
         let [xx, xy, yy] = self.form;
         let dy = row as f64 + 0.5 - self.center.y;
+        let icons = self.icons_of(icons);
         for (column, place) in view.rendered_in(row, self.columns(row, view.width_px)) {
             let dx = column as f64 + 0.5 - self.center.x;
             let squared = xx * dx * dx + 2.0 * xy * dx * dy + yy * dy * dy;
-            let alpha = opacity * self.opacity([dx, dy], squared, sums);
+            let alpha = opacity * self.mixed([dx, dy], squared, icons);
             if alpha as f32 > 0.0 {
                 found.push(Found { place: place as u32, splat: id, alpha });
             }

@@ -1,5 +1,6 @@
 //! A splat on the screen.
 
+use super::mixture::Mix;
 use super::{FlowScene, IconSums};
 use crate::camera::View;
 use crate::mesh::Symmetric;
@@ -39,6 +40,7 @@ pub(in crate::render) struct Splat {
     level: u32,
     /// How much of the pattern is left where the vector is nearly along the ray.
     contrast: f64,
+    mix: Mix,
     pub(super) color: [f64; 3],
 }
 
@@ -82,7 +84,7 @@ impl Splat {
         if !(form.iter().all(|f| f.is_finite()) && period > 0.0 && xx.is_finite() && yy.is_finite()) {
             return None;
         }
-        let color = scene.color(site)?;
+        let (color, mix) = (scene.color(site)?, scene.mix(site)?);
         let projected = screen.project(direction);
         let length = projected.length();
         let foreshortening = length / screen.per_unit;
@@ -102,17 +104,37 @@ impl Splat {
             width: IconSums::width(frequency[0] + blur),
             level: IconSums::level(frequency[1]),
             contrast: scene.style.fidelity.contrast(foreshortening),
+            mix,
             color,
         })
     }
 
-    /// The opacity of a pattern of opacity 1 at a place `(dx, dy)` beside the centre, of squared distance `squared` in widths.
+    /// Of all icons of a scene that of the splat, and the one with which it is mixed, if any.
+    pub(super) fn icons_of<'a>(&self, all: &[&'a IconSums]) -> (&'a IconSums, Option<&'a IconSums>) {
+        let Mix { icon, share } = self.mix;
+        (all[icon], (share > 0.0).then(|| all[icon + 1]))
+    }
+
+    /// The opacity of a pattern of opacity 1 at a place `(dx, dy)` beside the centre, of squared distance `squared` in widths: of one icon, or of
+    /// two.
     #[inline(always)]
-    pub(super) fn opacity(&self, [dx, dy]: [f64; 2], squared: f64, sums: &IconSums) -> f64 {
+    pub(super) fn mixed(&self, place: [f64; 2], squared: f64, icons: (&IconSums, Option<&IconSums>)) -> f64 {
+        let pattern = self.faded(place, icons.0);
+        let mixed = match icons.1 {
+            None => pattern,
+            Some(next) => pattern + self.mix.share * (self.faded(place, next) - pattern),
+        };
+        window(squared) * mixed
+    }
+
+    /// An icon at a place beside the centre, or its mean where the vector is nearly along the ray.
+    #[inline(always)]
+    fn faded(&self, [dx, dy]: [f64; 2], icon: &IconSums) -> f64 {
         let (a, b) = (dx * self.along.x + dy * self.along.y, dx * self.along.y - dy * self.along.x);
         let [s, t] = [a * self.frequency[0] + self.phase[0], b * self.frequency[1] + self.phase[1]];
-        let pattern = if self.contrast == 0.0 { super::MEAN } else { sums.mean(s, t, self.width, self.level) };
-        window(squared) * (super::MEAN + self.contrast * (pattern - super::MEAN))
+        let whole = icon.whole();
+        let pattern = if self.contrast == 0.0 { whole } else { icon.mean(s, t, self.width, self.level) };
+        whole + self.contrast * (pattern - whole)
     }
 }
 
@@ -175,6 +197,11 @@ impl Screen {
 
 #[cfg(test)]
 impl Splat {
+    /// The opacity of one icon.
+    pub(super) fn opacity(&self, place: [f64; 2], squared: f64, icon: &IconSums) -> f64 {
+        self.mixed(place, squared, (icon, None))
+    }
+
     pub(super) fn pattern(&self) -> (DVec2, [f64; 2]) {
         (self.along, self.frequency)
     }

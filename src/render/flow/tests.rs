@@ -1,3 +1,4 @@
+use super::icon::MEAN;
 use super::*;
 use crate::camera::{Camera, Lattice, PixelSet, Projection, Samples};
 use crate::mesh::test_meshes::{Random, jittered, kuhn_grid};
@@ -7,6 +8,8 @@ use crate::render::reference::{Reference, flow_fragments};
 use crate::render::testing::{self, difference, is_within};
 use crate::render::{RenderJob, Renderer};
 use glam::DVec2;
+
+mod mixture;
 
 fn mesh(side: usize) -> Arc<Mesh> {
     Arc::new(Mesh::build(jittered(kuhn_grid([side; 3]), &mut Random::new(side as u64))).unwrap().0)

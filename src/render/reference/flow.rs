@@ -6,7 +6,7 @@
 
 use crate::camera::View;
 use crate::field::Association;
-use crate::render::flow::{COMPRESSED, END, FlowCounts, FlowFidelity, FlowScene, MEAN, PIXEL, TEXELS};
+use crate::render::flow::{COMPRESSED, END, FlowCounts, FlowFidelity, FlowScene, PIXEL, Pattern, TEXELS, Thresholds};
 use crate::render::{LayerFragment, LayerFragments, RenderError};
 use glam::{DMat2, DVec2, DVec3};
 use rayon::prelude::*;
@@ -16,15 +16,19 @@ use rayon::prelude::*;
 /// # Errors
 /// If a fragment is out of range.
 pub(crate) fn flow_fragments(scene: &FlowScene, view: &View) -> Result<(LayerFragments, FlowCounts), RenderError> {
-    let splats: Vec<Judged> = scene.sites().into_iter().filter_map(|site| Judged::of(scene, site, view)).collect();
-    let texels = &scene.style.icon.texels();
+    let Thresholds { first, further } = scene.patterns();
+    let thresholds: Vec<f64> = further.iter().map(|(from, _)| *from).collect();
+    let patterns = [&first].into_iter().chain(further.iter().map(|(_, pattern)| pattern));
+    let icons = &patterns.map(JudgedIcon::of).collect::<Vec<_>>()[..];
+    let of_site = |site: u32| Judged::of(scene, &thresholds, site, view);
+    let splats: Vec<Judged> = scene.sites().into_iter().filter_map(of_site).collect();
     let (width, height) = view.plane_px();
     let per_unit = scene.mesh.positions.scale;
     let of_pixel = |place: usize| {
         let (column, row) = view.pixel_at(place);
         let at = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
         let found = splats.iter().filter_map(move |splat| {
-            let alpha = scene.style.opacity * splat.opacity(at, texels);
+            let alpha = scene.style.opacity * splat.opacity(at, icons);
             let [r, g, b] = splat.color.map(|c| (c * alpha) as f32);
             let fragment = LayerFragment { depth: splat.depth * per_unit, rgba: [r, g, b, alpha as f32] };
             (alpha > 0.0).then_some((place as u32, fragment))
@@ -63,6 +67,36 @@ fn place(scene: &FlowScene, site: u32) -> (DVec3, [[f64; 3]; 3]) {
     (corners.iter().sum::<DVec3>() / 4.0, shape)
 }
 
+/// An icon's texels, and their mean.
+struct JudgedIcon {
+    texels: Vec<[f64; TEXELS]>,
+    whole: f64,
+}
+
+impl JudgedIcon {
+    fn of(pattern: &Pattern) -> Self {
+        let texels = pattern.texels();
+        let whole = texels.iter().flatten().sum::<f64>() / (TEXELS * TEXELS) as f64;
+        Self { texels, whole }
+    }
+}
+
+/// The share of each icon at a site: every further one covers those before it, the more the farther the value is beyond the beginning of its
+/// cross-fade. `None` if the value is not finite.
+fn shares(scene: &FlowScene, thresholds: &[f64], site: u32) -> Option<Vec<f64>> {
+    let mut shares = vec![1.0];
+    let Some(mixture) = &scene.mixture else { return Some(shares) };
+    let (value, fade) = (scene.icon_value(site)?, mixture.icons.fade);
+    for threshold in thresholds {
+        let beyond = value - (threshold - 0.5 * fade);
+        let x = if beyond < fade { (beyond / fade).max(0.0) } else { f64::from(u8::from(beyond >= 0.0)) };
+        let share = x * x * (3.0 - 2.0 * x);
+        shares.iter_mut().for_each(|before| *before *= 1.0 - share);
+        shares.push(share);
+    }
+    Some(shares)
+}
+
 struct Judged {
     depth: f64,
     center: DVec2,
@@ -74,11 +108,13 @@ struct Judged {
     blur: f64,
     /// Whether the pattern goes over into its mean where the vector is nearly along the ray.
     fades: bool,
+    /// Share of each icon.
+    shares: Vec<f64>,
     color: [f64; 3],
 }
 
 impl Judged {
-    fn of(scene: &FlowScene, site: u32, view: &View) -> Option<Self> {
+    fn of(scene: &FlowScene, thresholds: &[f64], site: u32, view: &View) -> Option<Self> {
         let (vector, (center, shape)) = (scene.vector(site), place(scene, site));
         let depth = view.to_view(center).z;
         if !vector.is_finite() || vector == DVec3::ZERO || !scene.shows(site) || depth <= view.near_depth() {
@@ -110,12 +146,13 @@ impl Judged {
             phase: scene.phase(site),
             blur: scene.blur(site),
             fades: scene.style.fidelity == FlowFidelity::Smooth,
+            shares: shares(scene, thresholds, site)?,
             color: scene.color(site)?,
         })
     }
 
     /// The opacity at a place on the screen, of a pattern of opacity 1.
-    fn opacity(&self, at: DVec2, texels: &[[f64; TEXELS]]) -> f64 {
+    fn opacity(&self, at: DVec2, icons: &[JudgedIcon]) -> f64 {
         let beside = at - self.center;
         let squared = beside.dot(self.form * beside);
         let least = (-0.5 * END * END).exp();
@@ -135,7 +172,12 @@ impl Judged {
         while height < (size / self.per_period).min(size) {
             height *= 2.0;
         }
-        window * (contrast * mean(texels, [s * size, t * size], [width, height]) + (1.0 - contrast) * MEAN)
+        let shown = self.shares.iter().zip(icons).filter(|(share, _)| **share > 0.0);
+        let each = shown.map(|(share, JudgedIcon { texels, whole })| {
+            let pattern = mean(texels, [s * size, t * size], [width, height]);
+            share * (contrast * pattern + (1.0 - contrast) * whole)
+        });
+        window * each.sum::<f64>()
     }
 }
 
@@ -161,7 +203,7 @@ mod tests {
     fn the_mean_over_a_box_is_that_of_its_texels() {
         let texels = Icon::Arrows.texels();
         let all = mean(&texels, [0.0, 0.0], [64.0, 64.0]);
-        assert!((all - MEAN).abs() < 1e-12);
+        assert!((all - texels.iter().flatten().sum::<f64>() / 4096.0).abs() < 1e-12);
         assert_eq!(mean(&texels, [10.5, -63.5], [1.0, 1.0]), texels[0][10]);
         let two = mean(&texels, [64.0, 3.5], [1.0, 1.0]);
         assert!((two - 0.5 * (texels[3][63] + texels[3][0])).abs() < 1e-15);

@@ -367,7 +367,8 @@ impl Session {
         let folder = files::parent_of(file);
         // A source beside the file, or below, may move with it.
         let source = self.source.strip_prefix(folder).unwrap_or(&self.source).to_owned();
-        let look = self.look_settings(&project, false);
+        let beside = |path: PathBuf| path.strip_prefix(folder).map(Path::to_owned).unwrap_or(path);
+        let look = self.look_settings(&project, false).with_paths(beside);
         Project { data: Data { source, ..project.data }, look, playback: self.state().settings, ..project }
     }
 

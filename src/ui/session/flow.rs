@@ -158,11 +158,11 @@ impl Session {
         }
     }
 
-    /// Shows the next icon.
+    /// Shows the next generated icon.
     pub(super) fn next_icon(&mut self) {
-        if let Some(FlowLook { layer, .. }) = &mut self.look.flow {
-            let next = Icon::ALL.iter().position(|icon| *icon == layer.style.icon).map_or(0, |at| at + 1);
-            layer.style.icon = Icon::ALL[next % Icon::ALL.len()];
+        if let Some(flow) = &mut self.look.flow {
+            let next = Icon::ALL.iter().position(|icon| *icon == flow.layer.style.icon).map_or(0, |at| at + 1);
+            flow.set_icon(Icon::ALL[next % Icon::ALL.len()]);
         }
     }
 

@@ -1,7 +1,7 @@
 //! Flow: vectors, pattern, splats and colours.
 
 use super::overlay;
-use super::widgets::{choice, chosen, labelled, number};
+use super::widgets::{chosen, labelled, number};
 use crate::look::FlowLook;
 use crate::pipeline::vector_fields;
 use crate::render::flow::{FlowStyle, Icon};
@@ -40,10 +40,8 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
 
 /// The icon, its length and its rate.
 fn pattern(ui: &mut Ui, session: &Session, flow: &mut FlowLook) {
-    let icons =
-        [(Icon::Strokes, "strokes"), (Icon::Lines, "lines"), (Icon::Particles, "particles"), (Icon::Arrows, "arrows")];
+    icon(ui, flow);
     let measure = session.flow_measure();
-    choice(ui, "Icon (G)", &mut flow.layer.style.icon, &icons);
     ui.horizontal(|ui| {
         let before = flow.layer.style.length.or(measure.map(|of| of.period(&flow.layer.style))).unwrap_or_default();
         let mut length = before;
@@ -70,6 +68,17 @@ fn pattern(ui: &mut Ui, session: &Session, flow: &mut FlowLook) {
             flow.rate = Some(rate);
         }
     });
+}
+
+/// The icon: a generated one, or what the options or the project name.
+fn icon(ui: &mut Ui, flow: &mut FlowLook) {
+    let named = flow.icons.as_ref().map(ToString::to_string);
+    let shown = named.is_none().then_some(flow.layer.style.icon);
+    let mut icons: Vec<(Option<Icon>, &str)> = Icon::ALL.iter().map(|&icon| (Some(icon), icon.as_str())).collect();
+    icons.extend(named.as_deref().map(|name| (None, name)));
+    if let Some(Some(icon)) = chosen(ui, "Icon (G)", shown, &icons) {
+        flow.set_icon(icon);
+    }
 }
 
 /// Number, size and opacity of splats.

@@ -5,26 +5,26 @@ use super::points::apart;
 use tetreel::image::{Planes, read_exr};
 
 /// A generated tornado of twenty steps: pressure, and velocity with three components.
-fn tornado() -> Place {
+pub(super) fn tornado() -> Place {
     let place = Place::empty();
     place.ok(&["synth", "tornado", "--cells", "1500", "--steps", "20", "-o", "t.zarr", "--quiet"]);
     place
 }
 
 /// A step, drawn with these options.
-fn exr(place: &Place, step: &str, options: &[&str]) -> Planes {
+pub(super) fn exr(place: &Place, step: &str, options: &[&str]) -> Planes {
     let words = ["render", "t.zarr", "--field", "pressure", "--size", "48x36", "--exr", "raw", "-o", "f.exr"];
     place.ok(&[&words[..], &["--steps", step], options].concat());
     read_exr(&place.path("f.exr")).unwrap().planes
 }
 
-fn rmse(a: &Planes, b: &Planes) -> f64 {
+pub(super) fn rmse(a: &Planes, b: &Planes) -> f64 {
     let channels = a.color.pixels.iter().flatten().zip(b.color.pixels.iter().flatten());
     let (sum, count) = channels.fold((0.0, 0), |(sum, n), (a, b)| (sum + f64::from(a - b).powi(2), n + 1));
     (sum / f64::from(count)).sqrt()
 }
 
-const FLOW: [&str; 2] = ["--flow", "velocity"];
+pub(super) const FLOW: [&str; 2] = ["--flow", "velocity"];
 
 #[test]
 fn flow_is_drawn_within_the_volume_by_every_renderer_as_the_judge_draws_it() {

@@ -8,6 +8,7 @@ mod export_surfaces;
 mod fit;
 mod flow;
 mod flow_cells;
+mod flow_icons;
 mod flow_travel;
 mod import;
 mod movie;
