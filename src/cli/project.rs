@@ -210,12 +210,18 @@ fn scene_options(project: &Project) -> anyhow::Result<Vec<OsString>> {
     // Ensembles have no option.
     let look = LookSettings { ensemble: None, ..project.look.clone() };
     let field = project.data.field.as_ref().map(|field| format!("--field={field}").into());
-    Ok(field.into_iter().chain(options(&look)?).collect())
+    let flow = project.flow.as_ref().map(|flow| options(flow, of_flow)).transpose()?.unwrap_or_default();
+    Ok(field.into_iter().chain(options(&look, str::to_owned)?).chain(flow).collect())
+}
+
+/// The option of a key of flow.
+fn of_flow(key: &str) -> String {
+    if key == "field" { "flow".to_owned() } else { format!("flow-{key}") }
 }
 
 /// The output settings of a project, as options.
 fn output_options(project: &Project, folder: &Path) -> anyhow::Result<Vec<OsString>> {
-    let mut options = options(&Output { output: None, ..project.output.clone() })?;
+    let mut options = options(&Output { output: None, ..project.output.clone() }, str::to_owned)?;
     if let Some(output) = &project.output.output {
         let mut word = OsString::from("--output=");
         word.push(pattern_in(folder, output));
@@ -224,8 +230,8 @@ fn output_options(project: &Project, folder: &Path) -> anyhow::Result<Vec<OsStri
     Ok(options)
 }
 
-/// The keys of a table as options of the same names: a key that is true without a value, a list as repeated options.
-fn options(table: &impl Serialize) -> anyhow::Result<Vec<OsString>> {
+/// The keys of a table as options of these names: a key that is true without a value, a list as repeated options.
+fn options(table: &impl Serialize, name_of: impl Fn(&str) -> String) -> anyhow::Result<Vec<OsString>> {
     fn add(options: &mut Vec<OsString>, name: &str, value: &Value) {
         match value {
             Value::Boolean(false) => {}
@@ -236,7 +242,7 @@ fn options(table: &impl Serialize) -> anyhow::Result<Vec<OsString>> {
         }
     }
     let mut options = Vec::new();
-    toml::Table::try_from(table)?.iter().for_each(|(name, value)| add(&mut options, name, value));
+    toml::Table::try_from(table)?.iter().for_each(|(key, value)| add(&mut options, &name_of(key), value));
     Ok(options)
 }
 
@@ -246,7 +252,7 @@ mod tests {
     use crate::cli::scene::{SceneArgs, SizePx};
     use crate::ingest::{IngestOptions, ingest};
     use crate::look::Look;
-    use crate::project::{Data, NamedCamera, is_project};
+    use crate::project::{Data, FlowSettings, NamedCamera, is_project};
     use crate::store::Store;
     use crate::synth::{SeriesName, SynthSpec, generate};
     use crate::task::{Cancel, Silent};
@@ -338,6 +344,7 @@ mod tests {
             let usual = look_of(&store, &[]);
             let mut project = Project::new(Data { source: "x.zarr".into(), field: None });
             project.look = LookSettings::of(&look, &usual, None);
+            project.flow = look.flow.as_ref().map(FlowSettings::of);
             let file = folder.path().join("p.toml");
             project.write(&file).unwrap();
             assert_eq!(look_of(&file, &[]), look, "{options:?}: {}", project.to_toml().unwrap());

@@ -6,6 +6,7 @@
 mod animation;
 mod edit;
 mod file;
+mod flow;
 mod of_look;
 mod settings;
 #[cfg(test)]
@@ -13,6 +14,7 @@ mod tests;
 
 pub use animation::Animation;
 pub use edit::{Edit, TrackEdit};
+pub use flow::FlowSettings;
 pub use settings::{Data, LookSettings, MapTrack, NamedCamera, Output, Timeline};
 
 use crate::camera::{Camera, CameraError};
@@ -45,6 +47,9 @@ pub struct Project {
     /// The look, where the timeline does not override it.
     #[serde(default)]
     pub look: LookSettings,
+    /// A field of vectors within, in motion.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flow: Option<FlowSettings>,
     /// Playback settings.
     #[serde(default)]
     pub playback: Settings,
@@ -73,6 +78,7 @@ impl Project {
             version: Self::VERSION,
             data,
             look: LookSettings::default(),
+            flow: None,
             playback: Settings::default(),
             output: Output::default(),
             timeline: Timeline::default(),
@@ -162,6 +168,7 @@ impl Project {
             cut.parse::<CutText>().map_err(ProjectError::BadCut)?;
         }
         self.check_mode()?;
+        self.flow.as_ref().map_or(Ok(()), FlowSettings::check)?;
         Ok(self.playback.check()?)
     }
 
@@ -320,6 +327,9 @@ pub enum ProjectError {
         "the timeline moves a cut, but [look] has none; add cut = [\"point=x,y,z normal=x,y,z\"], or leave [[timeline.cut]] out"
     )]
     NoCut,
+    /// Flow that cannot be.
+    #[error("[flow]: {0}")]
+    BadFlow(String),
     /// Isovalues on the timeline without a surface.
     #[error(
         "the timeline has isovalues or their opacities, but [look] no surface; add iso = [\"VALUE\"], or leave [[timeline.isovalue]] and [[timeline.iso-opacity]] out"

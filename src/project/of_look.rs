@@ -1,9 +1,9 @@
 //! The settings of a look as those of a project.
 
 use super::LookSettings;
-use crate::look::{FlowLook, Look};
+use super::flow::differing;
+use crate::look::Look;
 use crate::pipeline::{RenderMode, Shown, SurfaceLook, TetDraw};
-use crate::render::flow::FlowStyle;
 use crate::render::functions::SheetSpacing;
 use crate::render::surfaces::{ByField, CutText, IsosurfaceText};
 
@@ -53,26 +53,7 @@ impl LookSettings {
             domain: functions.domain,
             normalise: differing(functions.normalise, usual.functions.normalise),
             camera: Some(look.camera.to_string()),
-            ..Self::of_surfaces(&look.surfaces, &usual.surfaces).with_flow(look.flow.as_ref())
-        }
-    }
-
-    /// The settings with those of flow.
-    fn with_flow(self, flow: Option<&FlowLook>) -> Self {
-        let Some(FlowLook { layer, color_by, rate }) = flow else { return self };
-        let (style, usual) = (layer.style, FlowStyle::default());
-        Self {
-            flow: Some(layer.field.clone()),
-            flow_icon: differing(style.icon, usual.icon),
-            flow_splats: style.splats,
-            flow_size: differing(style.size, usual.size),
-            flow_length: style.length,
-            flow_opacity: differing(style.opacity, usual.opacity),
-            flow_speed: differing(style.speed, usual.speed),
-            flow_rate: *rate,
-            flow_fidelity: differing(style.fidelity, usual.fidelity),
-            flow_color: color_by.as_ref().map(ToString::to_string),
-            ..self
+            ..Self::of_surfaces(&look.surfaces, &usual.surfaces)
         }
     }
 
@@ -101,9 +82,4 @@ impl LookSettings {
             ..Self::default()
         }
     }
-}
-
-/// A value that is not the usual one.
-fn differing<T: PartialEq>(value: T, usual: T) -> Option<T> {
-    (value != usual).then_some(value)
 }

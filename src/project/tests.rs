@@ -4,6 +4,7 @@ use super::*;
 use crate::camera::Camera;
 use crate::optics::OpticsKind;
 use crate::pipeline::RenderMode;
+use crate::render::flow::{FlowFidelity, Icon};
 use crate::render::surfaces::{Light, Normals};
 use crate::timeline::{Key, Keyframed, Transition};
 use crate::transfer::{Blend, ColorMap, ColorWeighting, Function, Member, RangeMap, RangePolicy, TransferFunction};
@@ -54,6 +55,18 @@ fn whole() -> Project {
         optics: Some(OpticsKind::Table3d),
         ..Default::default()
     };
+    project.flow = Some(FlowSettings {
+        field: "velocity".into(),
+        icon: Some(Icon::Lines),
+        splats: Some(900),
+        size: Some(0.7),
+        length: Some(1.0 / 7.0),
+        opacity: Some(0.4),
+        speed: Some(1e3),
+        rate: Some(0.0),
+        fidelity: Some(FlowFidelity::Paper),
+        color: Some("velocity:mag@viridis".parse().unwrap()),
+    });
     project.cameras = ["front", "from the left"]
         .map(|name| NamedCamera { name: name.into(), camera: camera(name.len() as f64) })
         .into();
@@ -122,6 +135,13 @@ fn faults_of_a_file_are_named_with_their_line() {
         ("weight = 0.3333333333333333", "weight = -1", "a weight of -1"),
         ("weight = 0.3333333333333333", "weight = nan", "a weight of NaN"),
         ("lod = 0.5", "lod = 1.5", "a level of detail of 1.5"),
+        (
+            "icon = \"lines\"",
+            "icons = \"lines\"",
+            "unknown field `icons`, expected one of `field`, `icon`, `splats`, `size`",
+        ),
+        ("icon = \"lines\"", "icon = \"fish\"", "fish"),
+        ("color = \"velocity:mag@viridis\"", "color = \"velocity:mag@\"", "velocity:mag@"),
         ("handles = [[0.25, 0.1], [0.3, 1.0]]", "handles = [[0.25, 0.1], [0.3, 1.0], [1, 1]]", "more values"),
     ] {
         assert_eq!(text.matches(from).count(), 1, "{from} in {text}");
@@ -201,6 +221,25 @@ fn parts_that_do_not_belong_together_are_errors() {
         p.timeline.cameras = keys(vec![key(7.0, Camera { position: camera.focal_point, ..camera })]);
     };
     assert!(broken(nowhere).contains("time 7"));
+}
+
+#[test]
+fn flow_that_cannot_be_is_an_error() {
+    let changes: [(fn(&mut FlowSettings), &str); 7] = [
+        (|of| of.opacity = Some(1.5), "[flow]: flow has an opacity of 1.5; it lies between 0 and 1"),
+        (|of| of.opacity = Some(f64::NAN), "an opacity of NaN"),
+        (|of| of.size = Some(0.0), "a size of 0; it must be above zero"),
+        (|of| of.length = Some(-1.0), "a length of -1"),
+        (|of| of.speed = Some(f64::INFINITY), "a speed of inf"),
+        (|of| of.rate = Some(-0.5), "a rate of -0.5"),
+        (|of| of.splats = Some(0), "no splats"),
+    ];
+    for (change, expected) in changes {
+        let mut project = whole();
+        change(project.flow.as_mut().unwrap());
+        let read = parse(&project.to_toml().unwrap()).unwrap_err().to_string();
+        assert!(read.contains("p.toml") && read.contains(expected), "{read}");
+    }
 }
 
 #[test]

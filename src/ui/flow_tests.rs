@@ -84,7 +84,7 @@ fn flow_is_switched_changed_coloured_and_undone() {
     });
     desk.settle();
     assert!(flow(&desk).unwrap().colors.is_some());
-    assert_eq!(desk.session.to_project("a.toml".as_ref()).look.flow_color, Some(by.to_string()));
+    assert_eq!(desk.session.to_project("a.toml".as_ref()).flow.unwrap().color, Some(by));
     desk.act(Action::Undo);
     assert_eq!(desk.session.look().flow.as_ref().unwrap().layer.colors, None, "colours are a change of their own");
     desk.act(Action::Redo);

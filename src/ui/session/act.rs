@@ -7,7 +7,7 @@ use crate::files;
 use crate::look::{EnsembleChoice, Followed};
 use crate::pipeline::FrameTime;
 use crate::playback::{Command, Loop, Mode, State, StepRange};
-use crate::project::{Data, Edit, Project, Timeline, is_project};
+use crate::project::{Data, Edit, FlowSettings, Project, Timeline, is_project};
 use crate::transfer::{
     ColorMap, ColorMapEntry, Function, Member, OpacityValues, PositionKind, TransferError, TransferFunction,
     color_maps_to_json,
@@ -368,7 +368,8 @@ impl Session {
         // A source beside the file, or below, may move with it.
         let source = self.source.strip_prefix(folder).unwrap_or(&self.source).to_owned();
         let look = self.look_settings(&project, false);
-        Project { data: Data { source, ..project.data }, look, playback: self.state().settings, ..project }
+        let flow = self.look.flow.as_ref().map(FlowSettings::of);
+        Project { data: Data { source, ..project.data }, look, flow, playback: self.state().settings, ..project }
     }
 
     /// Stops following some settings of the project, if it has a timeline.

@@ -119,21 +119,26 @@ fn a_held_step_flows_on_by_a_rate_and_a_rate_of_zero_stands_still() {
     }
     place.refuses(
         &[&words[..], &["-o", "x_%d.png", "--flow-hold", "1", "--steps", "1"]].concat(),
-        &["required arguments"],
+        &["--flow-hold", "--flow FIELD"],
     );
 }
 
 #[test]
 fn flow_is_in_a_project_and_what_cannot_be_shown_is_refused_with_the_remedy() {
     let place = tornado();
-    let project = "version = 1\n[data]\nsource = \"t.zarr\"\nfield = \"pressure\"\n[look]\nflow = \"velocity\"\n\
-                   flow-icon = \"lines\"\nflow-size = 0.7\nflow-color = \"velocity:mag@viridis\"\n";
+    let project = "version = 1\n[data]\nsource = \"t.zarr\"\nfield = \"pressure\"\n[flow]\nfield = \"velocity\"\n\
+                   icon = \"lines\"\nsize = 0.7\ncolor = \"velocity:mag@viridis\"\n";
     std::fs::write(place.path("p.toml"), project).unwrap();
     let size = ["--size", "48x36", "--exr", "raw", "--steps", "4"];
     place.ok(&[&["render", "p.toml", "-o", "p.exr"], &size[..]].concat());
     let options = ["--flow-icon", "lines", "--flow-size", "0.7", "--flow-color", "velocity:mag@viridis"];
     let by_options = exr(&place, "4", &[&FLOW[..], &options].concat());
     assert!(read_exr(&place.path("p.exr")).unwrap().planes == by_options);
+    // What the user says comes before it.
+    let other = ["--flow-icon", "arrows", "--flow-size", "0.7", "--flow-color", "velocity:mag@viridis"];
+    place.ok(&[&["render", "p.toml", "-o", "q.exr", "--flow-icon", "arrows"], &size[..]].concat());
+    let by_options = exr(&place, "4", &[&FLOW[..], &other].concat());
+    assert!(read_exr(&place.path("q.exr")).unwrap().planes == by_options);
     for (options, parts) in [
         (&["--flow", "pressure"][..], &["'pressure'", "three components"][..]),
         (&["--flow", "wind"], &["'wind'", "velocity"]),
@@ -143,15 +148,39 @@ fn flow_is_in_a_project_and_what_cannot_be_shown_is_refused_with_the_remedy() {
         (&["--flow", "velocity", "--flow-splats", "0"], &["--flow-splats"]),
         (&["--flow", "velocity", "--flow-icon", "fish"], &["'fish'", "strokes, lines, particles or arrows"]),
         (&["--flow", "velocity", "--flow-color", "wind"], &["--flow-color", "'wind'"]),
-        (&["--flow-icon", "lines"], &["required arguments"]),
+        (&["--flow-icon", "lines"], &["--flow FIELD"]),
+        (&["--flow-rate", "2"], &["--flow FIELD"]),
         (&["--flow", "velocity", "--backend", "gpu"], &["backend"]),
     ] {
         let words = ["render", "t.zarr", "--field", "pressure", "-o", "x.png", "--steps", "1", "--size", "8x8"];
         place.refuses(&[&words[..], options].concat(), parts);
         assert!(!place.path("x.png").exists());
     }
-    std::fs::write(place.path("bad.toml"), project.replace("flow-icon", "flow-icons")).unwrap();
-    place.refuses(&["render", "bad.toml", "-o", "x.png", "--steps", "1"], &["bad.toml", "flow-icons"]);
+    // A step is held with the project's flow.
+    place.ok(&[
+        "render",
+        "p.toml",
+        "-o",
+        "h_%d.png",
+        "--size",
+        "8x8",
+        "--fps",
+        "5",
+        "--steps",
+        "4",
+        "--flow-hold",
+        "0.4",
+    ]);
+    assert!(place.path("h_1.png").exists() && !place.path("h_2.png").exists());
+    for (from, to, parts) in [
+        ("icon =", "icons =", &["line 6", "`icons`", "`field`, `icon`, `splats`"][..]),
+        ("field = \"velocity\"\n", "", &["line 5", "`field`"]),
+        ("size = 0.7", "size = 0", &["flow", "size of 0"]),
+        ("\"velocity\"", "\"wind\"", &["'wind'", "velocity"]),
+    ] {
+        std::fs::write(place.path("bad.toml"), project.replace(from, to)).unwrap();
+        place.refuses(&["render", "bad.toml", "-o", "x.png", "--steps", "1"], &[&["bad.toml"], parts].concat());
+    }
     let slab = Place::with_slab();
     let words = ["render", "slab.zarr", "-o", "x.png", "--steps", "1", "--flow", "velocity"];
     slab.refuses(&words, &["'velocity'", "constant, linear"]);
