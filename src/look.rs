@@ -111,13 +111,15 @@ pub struct Followed {
     pub lod: bool,
     /// The isovalues and cuts of its timeline.
     pub surfaces: bool,
+    /// Opacities of the flow on its timeline.
+    pub flow: bool,
     /// Integration of segments over time.
     pub optics: bool,
 }
 
 impl Default for Followed {
     fn default() -> Self {
-        Self { ensembles: EnsembleChoice::Project, camera: true, lod: true, surfaces: true, optics: true }
+        Self { ensembles: EnsembleChoice::Project, camera: true, lod: true, surfaces: true, flow: true, optics: true }
     }
 }
 
@@ -141,6 +143,8 @@ pub struct Keyed {
     pub lod: Option<f64>,
     /// Isovalues, opacities and positions of cuts.
     pub surfaces: KeyedSurfaces,
+    /// Opacity of the flow.
+    pub flow_opacity: Option<f64>,
     /// How segments are integrated.
     pub optics: Option<OpticsKind>,
 }
@@ -300,7 +304,11 @@ impl Look {
             (tets.optics, tets.formula) = (optics, formula);
             tets.show(&self.surfaces.at(surfaces));
         });
-        request.layers.extend(self.flow.as_ref().map(|flow| Layer::Flow(flow.layer.clone())));
+        request.layers.extend(self.flow.as_ref().map(|flow| {
+            let mut layer = flow.layer.clone();
+            layer.style.opacity = keyed.flow_opacity.filter(|_| followed.flow).unwrap_or(layer.style.opacity);
+            Layer::Flow(layer)
+        }));
         Ok(FrameRequest { backend: self.backend, skip: self.skip, ..request })
     }
 }

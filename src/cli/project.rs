@@ -46,7 +46,7 @@ impl Taker {
 }
 
 /// Options that timeline keys would change from frame to frame; given by the user, they hold for all frames.
-const ON_THE_TIMELINE: [&str; 4] = ["tf", "camera", "lod", "optics"];
+const ON_THE_TIMELINE: [&str; 5] = ["tf", "camera", "lod", "flow_opacity", "optics"];
 
 /// Reads the project, and parses the options again with those of the project.
 pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Taker) -> anyhow::Result<Opened<A>> {
@@ -61,6 +61,7 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
             "tf" => (timeline.ensembles, project.ensembles) = Default::default(),
             "camera" => timeline.cameras = Default::default(),
             "lod" => timeline.lod = Default::default(),
+            "flow_opacity" => timeline.flow = Default::default(),
             _ => timeline.optics = Default::default(),
         }
     }

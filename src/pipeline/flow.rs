@@ -50,6 +50,11 @@ impl FlowLayer {
         Self { field, style, colors: None, held: 0.0, shutter: 0.0 }
     }
 
+    /// Whether it has an opacity.
+    pub fn is_seen(&self) -> bool {
+        self.style.opacity > 0.0
+    }
+
     /// Why it cannot be drawn, whatever the series holds.
     pub(super) fn check_style(&self) -> Result<(), String> {
         self.style.check()?;
@@ -135,7 +140,7 @@ pub(super) struct DecodeFlow {
 }
 
 impl DecodeFlow {
-    /// The values of a layer at a time.
+    /// The values of a layer at a time; `None` if it is transparent, of which nothing is decoded.
     ///
     /// # Errors
     /// If the series has no such vectors at its vertices, or no such colours, or they cannot be read, or `Cancelled`.
@@ -146,7 +151,10 @@ impl DecodeFlow {
         time: FrameTime,
         cancel: &Cancel,
         stats: &mut FrameStats,
-    ) -> Result<FlowValues, PipelineError> {
+    ) -> Result<Option<FlowValues>, PipelineError> {
+        if !layer.is_seen() {
+            return Ok(layer.check(series).map(|()| None)?);
+        }
         if self.of.as_ptr() != Arc::as_ptr(&series.mesh) || self.field != layer.field {
             *self = Self { field: layer.field.clone(), of: Arc::downgrade(&series.mesh), ..Self::default() };
         }
@@ -165,7 +173,7 @@ impl DecodeFlow {
         let travel = travel.at(&series.times, time, &mut speeds)?.ok_or(PipelineError::Cancelled)?;
         let vectors = vectors(time)?.ok_or(PipelineError::Cancelled)?;
         let held = HeldFlow { time: layer.held, shutter: layer.shutter };
-        Ok(FlowValues { style: layer.style, held, vectors, travel, colors })
+        Ok(Some(FlowValues { style: layer.style, held, vectors, travel, colors }))
     }
 
     fn colors(

@@ -96,8 +96,10 @@ impl Decode {
             (self.steps, self.transparent, self.colors, self.beside, self.blank) = Default::default();
             (self.region_fields, self.flow) = Default::default();
         }
-        let flow = request.flow()?;
-        let flow = flow.map(|layer| self.flow.run(series, layer, request.time, cancel, &mut stats)).transpose()?;
+        let flow = match request.flow()? {
+            Some(layer) => self.flow.run(series, layer, request.time, cancel, &mut stats)?,
+            None => None,
+        };
         let layer = request.tets_of(&series.field.name)?;
         let by = layer.map_or(DrawnBy::Raycast, |layer| layer.draw.on(&series.mesh).drawn_by());
         if let Some(layer) = layer {

@@ -26,7 +26,7 @@ use crate::render::domain::DomainSurface;
 use crate::render::points::PointStyle;
 use crate::render::surfaces::{CutText, IsosurfaceText};
 use crate::short::Short;
-use crate::timeline::TimelineError;
+use crate::timeline::{Key, TimelineError};
 use crate::transfer::{Ensemble, TransferError};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -168,8 +168,21 @@ impl Project {
             cut.parse::<CutText>().map_err(ProjectError::BadCut)?;
         }
         self.check_mode()?;
-        self.flow.as_ref().map_or(Ok(()), FlowSettings::check)?;
+        self.check_flow()?;
         Ok(self.playback.check()?)
+    }
+
+    /// Checks the flow, and its opacities on the timeline.
+    fn check_flow(&self) -> Result<(), ProjectError> {
+        self.flow.as_ref().map_or(Ok(()), FlowSettings::check)?;
+        let opacities = self.timeline.flow.keys();
+        if let Some(&Key { time, value, .. }) = opacities.iter().find(|key| !(0.0..=1.0).contains(&key.value)) {
+            return Err(ProjectError::BadFlowOpacity { time, opacity: value });
+        }
+        if !opacities.is_empty() && self.flow.is_none() {
+            return Err(ProjectError::NoFlow);
+        }
+        Ok(())
     }
 
     /// Refuses levels of detail for a renderer that draws all cells, and optics for one that has its own.
@@ -330,6 +343,19 @@ pub enum ProjectError {
     /// Flow that cannot be.
     #[error("[flow]: {0}")]
     BadFlow(String),
+    /// An opacity of flow on the timeline outside of 0 to 1.
+    #[error("[[timeline.flow]] has an opacity of {opacity} at time {}; it lies between 0 and 1", Short(.time))]
+    BadFlowOpacity {
+        /// Time of its key.
+        time: f64,
+        /// The opacity.
+        opacity: f64,
+    },
+    /// Opacities of flow on the timeline without flow.
+    #[error(
+        "the timeline has opacities of flow, but the project none; add [flow] with field = \"NAME\", or leave [[timeline.flow]] out"
+    )]
+    NoFlow,
     /// Isovalues on the timeline without a surface.
     #[error(
         "the timeline has isovalues or their opacities, but [look] no surface; add iso = [\"VALUE\"], or leave [[timeline.isovalue]] and [[timeline.iso-opacity]] out"

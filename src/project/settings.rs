@@ -217,6 +217,8 @@ pub struct Timeline {
     pub iso_opacity: Keyframed<f64>,
     /// How far the last cut of the look is moved along its normal, world units.
     pub cut: Keyframed<f64>,
+    /// Opacities of the flow, 0 to 1.
+    pub flow: Keyframed<f64>,
     /// How segments are integrated; holds until the next key.
     pub optics: Keyframed<OpticsKind>,
 }

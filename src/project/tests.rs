@@ -90,6 +90,7 @@ fn whole() -> Project {
         isovalue: keys(vec![key(0.5, -1.25), key(2.0, 3.5)]),
         iso_opacity: keys(vec![key(0.0, 1.0), key(2.0, 0.25)]),
         cut: keys(vec![key(0.0, -0.5), key(2.0, 0.25)]),
+        flow: keys(vec![key(0.5, 0.0), key(2.0, 1.0)]),
         optics: keys(vec![key(2.0, OpticsKind::Exact)]),
     };
     project.check().unwrap();
@@ -209,6 +210,13 @@ fn parts_that_do_not_belong_together_are_errors() {
         })
         .contains("has its own")
     );
+    let opacity = broken(|p| p.timeline.flow = keys(vec![key(0.0, 1.0), key(7.0, 1.5)]));
+    assert!(
+        opacity.contains("[[timeline.flow]] has an opacity of 1.5 at time 7; it lies between 0 and 1"),
+        "{opacity}"
+    );
+    assert!(broken(|p| p.timeline.flow = keys(vec![key(0.0, f64::NAN)])).contains("an opacity of NaN at time 0"));
+    assert!(broken(|p| p.flow = None).contains("add [flow] with field"));
     assert!(broken(|p| p.playback.stride = 0).contains("stride"));
     assert!(broken(|p| p.playback.frames_per_second = 0.0).contains("speed of 0"));
     assert!(broken(|p| p.cameras[1].name = "front".into()).contains("two cameras 'front'"));
@@ -294,6 +302,8 @@ fn edits() -> impl Strategy<Value = Edit> {
             transition: Transition::Step { at }
         })),
         (time.clone(), 0.0..1.2_f64).prop_map(|(t, lod)| Edit::Lod(TrackEdit::Insert(key(t, lod)))),
+        (time.clone(), 0.0..1.2_f64).prop_map(|(t, opacity)| Edit::Flow(TrackEdit::Insert(key(t, opacity)))),
+        Just(Edit::SetFlow(None)),
         (time.clone(), -9.0..9.0_f64).prop_map(|(t, value)| Edit::Isovalue(TrackEdit::Insert(key(t, value)))),
         (at.clone(), time)
             .prop_map(|(track, t)| Edit::Maps { track, edit: TrackEdit::Insert(key(t, RangeMap::default())) }),

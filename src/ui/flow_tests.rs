@@ -1,6 +1,7 @@
 //! Flow in a session.
 
 use super::desk::Desk;
+use super::tracks::{KeyAction, KeyValue, Track};
 use super::worker::tests::wait_for;
 use super::{Action, NoticeKind};
 use crate::look::FlowLook;
@@ -64,6 +65,43 @@ fn a_held_step_flows_on_and_a_played_one_does_not() {
     desk.settle();
     desk.later(100);
     assert_eq!((desk.settle(), flow(&desk).unwrap().held), (0, 0.0));
+}
+
+#[test]
+fn a_flow_that_fades_on_the_timeline_is_drawn_so_until_another_opacity_is_chosen() {
+    let mut desk = desk();
+    desk.act(Action::FlowOpacity(0.5));
+    desk.settle();
+    let add = Action::Keys(KeyAction::Add(Track::Flow));
+    desk.act(add.clone());
+    desk.act(Action::Play(Command::SeekStep(2)));
+    desk.act(add);
+    desk.act(Action::Keys(KeyAction::SetValue(KeyValue::Number(0.0))));
+    desk.settle();
+    let shown = |desk: &Desk| (flow(desk).unwrap().style.opacity, desk.shown().frame.stats.flow_splats);
+    assert_eq!(shown(&desk), (0.0, 0));
+    let (held, wait) = (desk.settle(), desk.session.tick(desk.now).1);
+    assert!(held == 0 && wait.is_none_or(|wait| wait.as_millis() > 20), "nothing that is seen goes on: {wait:?}");
+    desk.act(Action::Play(Command::SeekStep(1)));
+    desk.settle();
+    let (opacity, splats) = shown(&desk);
+    assert!(opacity > 0.1 && opacity < 0.4 && splats > 0, "{opacity} {splats}");
+    assert_eq!(desk.session.value_shown(Track::Flow), Ok(KeyValue::Number(opacity)));
+    // The user's own holds at all times, until the timeline's is asked for again.
+    desk.act(Action::FlowOpacity(0.75));
+    desk.act(Action::FlowOpacity(f64::NAN));
+    desk.settle();
+    assert_eq!((shown(&desk).0, desk.session.value_shown(Track::Flow)), (0.75, Ok(KeyValue::Number(0.75))));
+    desk.act(Action::Keys(KeyAction::Select(Track::Flow, 1)));
+    desk.settle();
+    assert_eq!(shown(&desk), (0.0, 0));
+    // Hidden flow whose opacity has keys stays in the project.
+    desk.act(Action::ToggleFlow);
+    desk.settle();
+    let saved = desk.session.to_project("a.toml".as_ref());
+    assert!(flow(&desk).is_none() && saved.flow.is_some() && saved.check().is_ok());
+    (0..3).for_each(|_| desk.act(Action::Undo));
+    assert_eq!(desk.session.project().timeline.flow.number(1e9), Some(0.0), "keys are undone as others are");
 }
 
 #[test]

@@ -176,6 +176,7 @@ impl Session {
                 self.leave(|followed| followed.surfaces = false);
             }
             Action::Flow(flow) => self.set_flow(flow.map(|flow| *flow)),
+            Action::FlowOpacity(opacity) => self.set_flow_opacity(opacity),
             Action::FlowColors(by) => self.color_flow(by),
             Action::ToggleFlow => self.toggle_flow(),
             Action::NextIcon => self.next_icon(),
@@ -368,12 +369,14 @@ impl Session {
         // A source beside the file, or below, may move with it.
         let source = self.source.strip_prefix(folder).unwrap_or(&self.source).to_owned();
         let look = self.look_settings(&project, false);
-        let flow = self.look.flow.as_ref().map(FlowSettings::of);
+        // That which is hidden is kept if the timeline has keys of it.
+        let hidden = project.flow.filter(|_| !project.timeline.flow.keys().is_empty());
+        let flow = self.look.flow.as_ref().map(FlowSettings::of).or(hidden);
         Project { data: Data { source, ..project.data }, look, flow, playback: self.state().settings, ..project }
     }
 
     /// Stops following some settings of the project, if it has a timeline.
-    fn leave(&mut self, change: impl FnOnce(&mut Followed)) {
+    pub(super) fn leave(&mut self, change: impl FnOnce(&mut Followed)) {
         if self.project().timeline != Timeline::default() {
             change(&mut self.look.followed);
         }

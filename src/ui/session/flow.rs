@@ -2,7 +2,7 @@
 
 use super::Session;
 use crate::look::{BesideError, FlowLook, colors_beside};
-use crate::pipeline::{ColorsBeside, FlowMeasure, FrameTime, vector_fields};
+use crate::pipeline::{ColorsBeside, FlowLayer, FlowMeasure, FrameRequest, FrameTime, vector_fields};
 use crate::playback::State;
 use crate::render::flow::{FlowStyle, Icon};
 use crate::render::surfaces::ByField;
@@ -50,7 +50,9 @@ impl Session {
     /// Lets the flow of a held step go on once its last frame is there. Returns after how long it goes on at the latest.
     pub(super) fn drift(&mut self, now: Duration, state: &State) -> Option<Duration> {
         self.measure_flow();
-        let shown = self.shown.as_ref().map(|shown| shown.request.time);
+        let is_seen =
+            |request: &FrameRequest| request.layers.iter().any(|of| of.flow().is_some_and(FlowLayer::is_seen));
+        let shown = self.shown.as_ref().filter(|shown| is_seen(&shown.request)).map(|shown| shown.request.time);
         let moment = shown.filter(|shown| state.frame == Some(*shown) && self.drifts(state));
         let Some((moment, rate)) = moment.zip(self.flow_rate()) else {
             self.stop_drift();
@@ -136,6 +138,14 @@ impl Session {
         match before.or_else(first) {
             Some(flow) => self.set_flow(Some(flow)),
             None => self.fail("the series has no vectors at its vertices whose flow could be shown".to_owned()),
+        }
+    }
+
+    /// Shows the flow with an opacity, at all times; does nothing without flow.
+    pub(super) fn set_flow_opacity(&mut self, opacity: f64) {
+        if let Some(flow) = self.look.flow.as_mut().filter(|_| !opacity.is_nan()) {
+            flow.layer.style.opacity = opacity.clamp(0.0, 1.0);
+            self.leave(|followed| followed.flow = false);
         }
     }
 

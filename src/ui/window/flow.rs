@@ -7,6 +7,7 @@ use crate::look::FlowLook;
 use crate::pipeline::vector_fields;
 use crate::render::flow::{FlowStyle, Icon};
 use crate::render::surfaces::ByField;
+use crate::ui::tracks::{KeyValue, Track};
 use crate::ui::{Action, Session};
 use eframe::egui;
 use egui::{DragValue, Slider, Ui};
@@ -32,7 +33,7 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     let Some(before) = flow else { return };
     let mut flow = before.clone();
     pattern(ui, session, &mut flow);
-    splats(ui, session, &mut flow.layer.style);
+    splats(ui, session, &mut flow.layer.style, actions);
     if flow != *before {
         actions.push(Action::Flow(Some(Box::new(flow))));
     }
@@ -74,7 +75,7 @@ fn pattern(ui: &mut Ui, session: &Session, flow: &mut FlowLook) {
 }
 
 /// Number, size and opacity of splats.
-fn splats(ui: &mut Ui, session: &Session, style: &mut FlowStyle) {
+fn splats(ui: &mut Ui, session: &Session, style: &mut FlowStyle, actions: &mut Vec<Action>) {
     let vertices = session.series().mesh().positions.local.len().try_into().unwrap_or(u32::MAX);
     let mut count = style.splats.unwrap_or(vertices).min(vertices);
     let slider = Slider::new(&mut count, 1..=vertices.max(1)).logarithmic(true);
@@ -87,10 +88,13 @@ fn splats(ui: &mut Ui, session: &Session, style: &mut FlowStyle) {
         let value = value.speed(0.01).max_decimals(2);
         number(ui, value.prefix("x "), "Size of splats, in edges of the cells around");
         ui.label("size");
-        let mut percent = 100.0 * style.opacity;
+        // That of the timeline, until another is chosen.
+        let shown = session.value_shown(Track::Flow);
+        let opacity = if let Ok(KeyValue::Number(opacity)) = shown { opacity } else { style.opacity };
+        let mut percent = 100.0 * opacity;
         let value = DragValue::new(&mut percent).range(0.0..=100.0).speed(0.5).max_decimals(0).suffix(" %");
         if number(ui, value, "Opacity of the flow").changed() {
-            style.opacity = (0.01 * percent).clamp(0.0, 1.0);
+            actions.push(Action::FlowOpacity(0.01 * percent));
         }
         ui.label("opacity");
     });

@@ -123,6 +123,71 @@ fn a_held_step_flows_on_by_a_rate_and_a_rate_of_zero_stands_still() {
     );
 }
 
+/// The statistics of a run, a frame each.
+fn stats(place: &Place) -> Vec<serde_json::Value> {
+    let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(place.path("s.json")).unwrap()).unwrap();
+    stats.as_array().unwrap().clone()
+}
+
+#[test]
+fn flow_fades_by_keys_of_the_timeline_and_costs_nothing_where_it_is_gone() {
+    let place = tornado();
+    let size = ["--size", "48x36", "--exr", "raw", "--stats", "s.json"];
+    let all = ["render", "t.zarr", "-o", "v_%02d.exr", "--field", "pressure", "--steps", "0..19"];
+    place.ok(&[&all[..], &size].concat());
+    let times: Vec<f64> = stats(&place).iter().map(|frame| frame["time"].as_f64().unwrap()).collect();
+    let (a, b) = (times[5], times[15]);
+    let head = "version = 1\n[data]\nsource = \"t.zarr\"\nfield = \"pressure\"\n";
+    let flow = "[flow]\nfield = \"velocity\"\nopacity = 0.3\n";
+    let keys = format!("[[timeline.flow]]\ntime = {a}\nvalue = 0.0\n[[timeline.flow]]\ntime = {b}\nvalue = 0.8\n");
+    let write = |text: &str| std::fs::write(place.path("p.toml"), text).unwrap();
+    write(&format!("{head}{flow}{keys}"));
+    let movie = ["render", "p.toml", "-o", "f_%02d.exr", "--steps", "0..19", "--resume"];
+    let movie = [&movie[..], &size].concat();
+    place.ok(&movie);
+    let frames = stats(&place);
+    let count = |step: usize, name: &str| frames[step]["stats"][name].as_f64().unwrap();
+    let frame = |name: &str, step: usize| read_exr(&place.path(&format!("{name}_{step:02}.exr"))).unwrap().planes;
+    for step in [0, 5] {
+        assert!(frame("f", step) == frame("v", step), "{step}");
+        assert_eq!(["flow_splats", "flow_fragments", "ms_flow"].map(|name| count(step, name)), [0.0; 3]);
+    }
+    let weight = (times[9] - a) / (b - a);
+    for (step, opacity) in [(9, 0.8 * weight), (15, 0.8), (19, 0.8)] {
+        let options = ["--flow-opacity", &opacity.to_string()];
+        assert!(frame("f", step) == exr(&place, &step.to_string(), &[&FLOW[..], &options].concat()), "{step}");
+        assert!(count(step, "flow_splats") > 0.0);
+    }
+    // Frames that another key leaves as they were are kept.
+    write(&format!("{head}{flow}{}", keys.replace("0.8", "0.6")));
+    place.ok(&movie);
+    let origins: Vec<bool> = stats(&place).iter().map(|frame| frame["origin"] == "kept").collect();
+    assert_eq!(origins, (0..20).map(|step| step <= 5).collect::<Vec<_>>());
+    // An opacity of the command holds at all times.
+    let given = ["render", "p.toml", "-o", "g.exr", "--steps", "0", "--flow-opacity", "0.5"];
+    place.ok(&[&given[..], &size].concat());
+    assert!(
+        read_exr(&place.path("g.exr")).unwrap().planes
+            == exr(&place, "0", &[&FLOW[..], &["--flow-opacity", "0.5"]].concat())
+    );
+    for (text, parts) in [
+        (
+            format!("{flow}{}", keys.replace("0.8", "1.5")),
+            &["[[timeline.flow]]", "opacity of 1.5", "between 0 and 1"][..],
+        ),
+        (format!("{flow}{}", keys.replace("0.8", "nan")), &["[[timeline.flow]]", "opacity of NaN"]),
+        (
+            format!("{flow}{}", keys.replace(&format!("time = {b}"), &format!("time = {a}"))),
+            &["two keys at time", "another time"],
+        ),
+        (format!("{flow}{}", keys.replace("value", "opacity")), &["`opacity`", "`time`, `transition`, `value`"]),
+        (keys.clone(), &["add [flow]", "[[timeline.flow]] out"]),
+    ] {
+        write(&format!("{head}{text}"));
+        place.refuses(&["render", "p.toml", "-o", "x.exr", "--steps", "0"], &[&["p.toml"], parts].concat());
+    }
+}
+
 #[test]
 fn flow_is_in_a_project_and_what_cannot_be_shown_is_refused_with_the_remedy() {
     let place = tornado();
