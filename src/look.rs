@@ -12,10 +12,11 @@ use crate::render::flow::FlowStyle;
 use crate::render::functions::{FunctionForm, Normalise, SheetStyle};
 use crate::render::points::PointStyle;
 use crate::render::surfaces::ByField;
+use crate::store::StoredField;
 use crate::task::Cancel;
 use crate::transfer::{
-    FirstLook, Lengths, MappedRange, OpacityKind, RangePolicy, TransferContent, TransferError, TransferFunction,
-    TransferSource, build_node_table,
+    ColorMap, ColorPoint, FirstLook, Lengths, MappedRange, OpacityKind, RangePolicy, TransferContent, TransferError,
+    TransferFunction, TransferSource, build_node_table,
 };
 use crate::visibility::Skip;
 use glam::DVec3;
@@ -80,6 +81,14 @@ impl FlowLook {
         Self { layer: FlowLayer::new(field, style), color_by: None, rate: None }
     }
 
+    /// What the colours of the field that colours it mean; `None` in one colour, or if `field`, which is that field, has no finite value.
+    pub fn color_bar(&self, field: &StoredField) -> Option<ColorBar> {
+        let (series, step) = FrameTime::from(0).scalar_ranges(field);
+        let range = RangePolicy::Series.resolve(series, step).ok()?;
+        let map = colors_of(&self.layer.colors.as_ref()?.colors, &range)?;
+        Some(ColorBar { title: field.titled(), map, range })
+    }
+
     /// Checks a rate.
     ///
     /// # Errors
@@ -88,6 +97,26 @@ impl FlowLook {
         let is_right = rate >= 0.0 && rate.is_finite();
         is_right.then_some(()).ok_or_else(|| format!("flow has a rate of {rate}; it must be zero or above"))
     }
+}
+
+/// What colours mean, as a legend shows it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ColorBar {
+    /// Field and unit.
+    pub title: String,
+    /// Colours over 0..=1, opaque. (A [`NodeTable`] has none where it is transparent.)
+    pub map: ColorMap,
+    /// Scalars at 0..=1.
+    pub range: MappedRange,
+}
+
+/// The colours of a table over a linear range.
+pub(crate) fn colors_of(table: &NodeTable, range: &MappedRange) -> Option<ColorMap> {
+    let inside = table.nodes().iter().filter(|node| (range.lo()..=range.hi()).contains(&node.scalar));
+    let ends = [range.lo(), range.hi()].map(|scalar| table.eval(scalar));
+    let all = std::iter::once(&ends[0]).chain(inside).chain([&ends[1]]);
+    let points = all.map(|node| ColorPoint { position: node.scalar, rgb: node.rgb }).collect();
+    ColorMap::new("colours", points, None).ok()
 }
 
 /// Which ensembles of a project are shown.

@@ -121,7 +121,14 @@ fn flow_is_switched_changed_coloured_and_undone() {
         desk.session.look().flow.as_ref().unwrap().layer.colors.clone()
     });
     desk.settle();
-    assert!(flow(&desk).unwrap().colors.is_some());
+    let colors = flow(&desk).unwrap().colors.unwrap().colors;
+    let bar = desk.session.flow_bar().unwrap();
+    assert_eq!(bar.title, "velocity:mag");
+    for position in [0.0, 0.25, 1.0] {
+        let [shown, drawn] = [bar.map.eval(position), colors.eval(bar.range.scalar_at(position)).rgb];
+        // Both are linear between the same nodes, at places that differ by roundings.
+        assert!((0..3).all(|c| (shown[c] - drawn[c]).abs() < 1e-9), "{position}: {shown:?} {drawn:?}");
+    }
     assert_eq!(desk.session.to_project("a.toml".as_ref()).flow.unwrap().color, Some(by));
     desk.act(Action::Undo);
     assert_eq!(desk.session.look().flow.as_ref().unwrap().layer.colors, None, "colours are a change of their own");

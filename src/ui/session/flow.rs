@@ -1,7 +1,7 @@
 //! Flow in a session: switched on and off, coloured, and going on while a step is held.
 
 use super::Session;
-use crate::look::{BesideError, FlowLook, colors_beside};
+use crate::look::{BesideError, ColorBar, FlowLook, colors_beside};
 use crate::pipeline::{ColorsBeside, FlowLayer, FlowMeasure, FrameRequest, FrameTime, vector_fields};
 use crate::playback::State;
 use crate::render::flow::{FlowStyle, Icon};
@@ -40,6 +40,13 @@ impl Session {
     pub fn flow_rate(&self) -> Option<f64> {
         let flow = self.look.flow.as_ref()?;
         flow.rate.or_else(|| Some(self.flow_measure()?.rate(&flow.layer.style, Self::NOMINAL_FPS)))
+    }
+
+    /// What the colours of the flow mean; `None` if no field colours it.
+    pub fn flow_bar(&self) -> Option<ColorBar> {
+        let flow = self.look.flow.as_ref()?;
+        let name = &flow.layer.colors.as_ref()?.field;
+        flow.color_bar(self.store.fields().iter().find(|field| field.name == *name)?)
     }
 
     /// Whether a step is held while its flow goes on. Beside another view with which it is compared it stands still.

@@ -189,6 +189,21 @@ fn flow_fades_by_keys_of_the_timeline_and_costs_nothing_where_it_is_gone() {
 }
 
 #[test]
+fn a_legend_has_a_second_bar_for_the_colours_of_the_flow() {
+    let place = tornado();
+    // Without an opacity nothing else is of the flow.
+    let picture = |annotations: &str, options: &[&str]| {
+        let words = ["render", "t.zarr", "--field", "pressure", "--size", "320x300", "--exr", "raw", "--steps", "4"];
+        let flow = ["--flow", "velocity", "--flow-opacity", "0", "--annotate", annotations, "-o", "f.exr"];
+        place.ok(&[&words[..], &flow, options].concat());
+        read_exr(&place.path("f.exr")).unwrap().planes
+    };
+    let beside = ["--flow-color", "velocity:mag@viridis"];
+    assert!(apart(&picture("legend", &[]), &picture("legend", &beside)) > 0.1);
+    assert!(picture("none", &[]) == picture("none", &beside));
+}
+
+#[test]
 fn flow_is_in_a_project_and_what_cannot_be_shown_is_refused_with_the_remedy() {
     let place = tornado();
     let project = "version = 1\n[data]\nsource = \"t.zarr\"\nfield = \"pressure\"\n[flow]\nfield = \"velocity\"\n\
