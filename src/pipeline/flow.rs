@@ -10,12 +10,14 @@ use crate::field::{Association, Component, FieldSelector};
 use crate::mesh::{Mesh, Plane};
 use crate::render::LayerFragments;
 use crate::render::flow::{self, FlowColors, FlowScene, FlowStyle, HeldFlow, Shapes};
+use crate::render::probe::interpolate;
 use crate::render::reference::flow_fragments;
 use crate::render::surfaces::FieldBeside;
 use crate::stats::FrameStats;
 use crate::store::StoredField;
 use crate::task::Cancel;
 use crate::visibility::CellSet;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Weak};
 use std::time::Instant;
@@ -71,7 +73,7 @@ impl FlowLayer {
     /// # Errors
     /// If the series has no such vectors, or none of them can be read.
     pub fn measure(&self, series: &Series, cancel: &Cancel) -> Result<Option<FlowMeasure>, PipelineError> {
-        let Some(speeds) = speeds(&components(series, &self.field)?, cancel)? else { return Ok(None) };
+        let Some(speeds) = speeds(&vector_components(series, &self.field)?, cancel)? else { return Ok(None) };
         let speed =
             [0.9, 1.0].map(|share| speeds.value_at(share).map_or(0.0, f64::from)).into_iter().find(|&v| v > 0.0);
         let period = flow::usual_period(&series.mesh) * series.mesh.positions.scale;
@@ -83,7 +85,7 @@ impl FlowLayer {
     /// # Errors
     /// If the series has no such vectors at its vertices, or no cells around them.
     pub fn check(&self, series: &Series) -> Result<(), RequestError> {
-        components(series, &self.field).map(drop)
+        vector_components(series, &self.field).map(drop)
     }
 }
 
@@ -155,25 +157,44 @@ impl DecodeFlow {
         if !layer.is_seen() {
             return Ok(layer.check(series).map(|()| None)?);
         }
-        if self.of.as_ptr() != Arc::as_ptr(&series.mesh) || self.field != layer.field {
-            *self = Self { field: layer.field.clone(), of: Arc::downgrade(&series.mesh), ..Self::default() };
-        }
-        let fields = components(series, &layer.field)?;
+        self.turn_to(series, layer);
+        let fields = vector_components(series, &layer.field)?;
         let colors = self.colors(series, layer, time, cancel, stats)?;
         let Self { components, travel, .. } = self;
-        let mut vectors = |time: FrameTime| -> Result<Option<[Arc<Vec<f32>>; 3]>, PipelineError> {
-            let mut found = [const { None }; 3];
-            for ((found, steps), field) in found.iter_mut().zip(&mut *components).zip(&fields) {
-                *found = steps.show(field, time, None, cancel, stats)?;
-            }
-            let [Some(x), Some(y), Some(z)] = found else { return Ok(None) };
-            Ok(Some([x, y, z]))
-        };
+        let mut vectors = |time: FrameTime| vectors(components, &fields, time, cancel, stats);
         let mut speeds = |step: usize| Ok::<_, PipelineError>(vectors(step.into())?.map(|vectors| speeds_of(&vectors)));
         let travel = travel.at(&series.times, time, &mut speeds)?.ok_or(PipelineError::Cancelled)?;
         let vectors = vectors(time)?.ok_or(PipelineError::Cancelled)?;
         let held = HeldFlow { time: layer.held, shutter: layer.shutter };
         Ok(Some(FlowValues { style: layer.style, held, vectors, travel, colors }))
+    }
+
+    /// The vector at a point of a cell, linear between its vertices; NaN where one of them is.
+    ///
+    /// # Errors
+    /// As [`Self::run`], and if there is no such cell.
+    pub(super) fn vector(
+        &mut self,
+        series: &Arc<Series>,
+        layer: &FlowLayer,
+        time: FrameTime,
+        (cell, weights): (u32, [f64; 4]),
+        cancel: &Cancel,
+    ) -> Result<DVec3, PipelineError> {
+        self.turn_to(series, layer);
+        let fields = vector_components(series, &layer.field)?;
+        let found = vectors(&mut self.components, &fields, time, cancel, &mut FrameStats::default())?;
+        let vectors = found.ok_or(PipelineError::Cancelled)?;
+        let no_cell = || RequestError::Flow(format!("there is no cell {cell}"));
+        let tet = *series.mesh.topology.tets.get(cell as usize).ok_or_else(no_cell)?;
+        Ok(vectors.map(|of| interpolate(weights, tet.map(|vertex| of[vertex as usize]))).into())
+    }
+
+    /// Forgets what is of another mesh or field.
+    fn turn_to(&mut self, series: &Series, layer: &FlowLayer) {
+        if self.of.as_ptr() != Arc::as_ptr(&series.mesh) || self.field != layer.field {
+            *self = Self { field: layer.field.clone(), of: Arc::downgrade(&series.mesh), ..Self::default() };
+        }
     }
 
     fn colors(
@@ -196,12 +217,28 @@ impl DecodeFlow {
     }
 }
 
+/// The components of vectors at a time, decoded by these; `None` if `cancel` was raised.
+fn vectors(
+    components: &mut [StepCache; 3],
+    fields: &[Arc<Series>; 3],
+    time: FrameTime,
+    cancel: &Cancel,
+    stats: &mut FrameStats,
+) -> Result<Option<[Arc<Vec<f32>>; 3]>, PipelineError> {
+    let mut found = [const { None }; 3];
+    for ((found, steps), field) in found.iter_mut().zip(components).zip(fields) {
+        *found = steps.show(field, time, None, cancel, stats)?;
+    }
+    let [Some(x), Some(y), Some(z)] = found else { return Ok(None) };
+    Ok(Some([x, y, z]))
+}
+
 fn of_cells(field: &str) -> String {
     format!("'{field}' has values of cells, and splats are at vertices; import the series with --cells-to-points")
 }
 
 /// The components of a field of vectors of vertices, with cells around.
-fn components(series: &Series, field: &str) -> Result<[Arc<Series>; 3], RequestError> {
+pub(crate) fn vector_components(series: &Series, field: &str) -> Result<[Arc<Series>; 3], RequestError> {
     if series.mesh.is_cloud() {
         let problem = "splats are as wide as the cells around, and the series is of points alone; leave flow out";
         return Err(RequestError::Flow(problem.to_owned()));

@@ -35,6 +35,7 @@ use crate::transfer::TransferSource;
 use crate::visibility::{
     Activity, CellSet, CutPlanes, DepthOrder, Drawn, Label, Selection, Skip, TransparentIntervals,
 };
+use glam::DVec3;
 use std::sync::{Arc, LazyLock};
 use std::time::Instant;
 
@@ -78,6 +79,20 @@ impl Decode {
     #[cfg(test)]
     pub(super) fn buffers(&self) -> usize {
         self.steps.buffers()
+    }
+
+    /// The vector of a request's flow at a point of a cell; `None` without flow.
+    ///
+    /// # Errors
+    /// If the series has no such vectors, they cannot be read, or there is no such cell, or `Cancelled`.
+    pub(super) fn flow_vector(
+        &mut self,
+        series: &Arc<Series>,
+        request: &FrameRequest,
+        point: (u32, [f64; 4]),
+        cancel: &Cancel,
+    ) -> Result<Option<DVec3>, PipelineError> {
+        request.flow()?.map(|layer| self.flow.vector(series, layer, request.time, point, cancel)).transpose()
     }
 
     /// Decodes the scalars of a request.
