@@ -1,7 +1,7 @@
 //! Flow: vectors, pattern, splats and colours.
 
 use super::overlay;
-use super::widgets::{choice, chosen, labelled, number};
+use super::widgets::{chosen, labelled, number};
 use crate::field::Association;
 use crate::look::FlowLook;
 use crate::pipeline::vector_fields;
@@ -10,10 +10,16 @@ use crate::render::surfaces::ByField;
 use crate::ui::tracks::{KeyValue, Track};
 use crate::ui::{Action, Session};
 use eframe::egui;
-use egui::{DragValue, Slider, Ui};
+use egui::{
+    Button, Color32, ColorImage, DragValue, Id, Image, Role, Slider, TextureHandle, TextureOptions, Ui, WidgetInfo,
+    vec2,
+};
 
 /// Colour map of a field that is chosen here.
 const MAP: &str = "viridis";
+
+/// Side of the picture of an icon.
+const PICTURE: f32 = 40.0;
 
 /// Shows this part of the side panel.
 pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
@@ -42,10 +48,8 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
 
 /// The icon, its length and its rate.
 fn pattern(ui: &mut Ui, session: &Session, flow: &mut FlowLook) {
-    let icons =
-        [(Icon::Strokes, "strokes"), (Icon::Lines, "lines"), (Icon::Particles, "particles"), (Icon::Arrows, "arrows")];
     let measure = session.flow_measure();
-    choice(ui, "Icon (G)", &mut flow.layer.style.icon, &icons);
+    icons(ui, &mut flow.layer.style.icon);
     ui.horizontal(|ui| {
         let before = flow.layer.style.length.or(measure.map(|of| of.period(&flow.layer.style))).unwrap_or_default();
         let mut length = before;
@@ -72,6 +76,37 @@ fn pattern(ui: &mut Ui, session: &Session, flow: &mut FlowLook) {
             flow.rate = Some(rate);
         }
     });
+}
+
+/// The icons, as pictures.
+fn icons(ui: &mut Ui, chosen: &mut Icon) {
+    ui.horizontal(|ui| {
+        for icon in Icon::ALL {
+            let picture = Image::from_texture(&picture(ui, icon)).fit_to_exact_size(vec2(PICTURE, PICTURE));
+            let response = ui.add(Button::selectable(*chosen == icon, picture));
+            let name = format!("Icon of {icon}");
+            response.widget_info(|| WidgetInfo::selected(Role::Button, true, *chosen == icon, &name));
+            if response.on_hover_text(name).clicked() {
+                *chosen = icon;
+            }
+        }
+        ui.label("Icon (G)");
+    });
+}
+
+/// The picture of an icon, made when it is shown first.
+fn picture(ui: &Ui, icon: Icon) -> TextureHandle {
+    let id = Id::new(("picture of an icon", icon));
+    if let Some(known) = ui.data(|data| data.get_temp(id)) {
+        return known;
+    }
+    let rows = icon.texels();
+    let side = rows.len();
+    let ink = |texel: f64| Color32::from_gray((255.0 * texel).round() as u8);
+    let pixels = rows.into_iter().flatten().map(ink).collect();
+    let made = ui.ctx().load_texture("icon", ColorImage::new([side, side], pixels), TextureOptions::LINEAR);
+    ui.data_mut(|data| data.insert_temp(id, made.clone()));
+    made
 }
 
 /// Number, size and opacity of splats.
