@@ -12,10 +12,11 @@ use crate::render::flow::{FlowStyle, Icon, IconName, Thresholds};
 use crate::render::functions::{FunctionForm, Normalise, SheetStyle};
 use crate::render::points::PointStyle;
 use crate::render::surfaces::ByField;
+use crate::store::StoredField;
 use crate::task::Cancel;
 use crate::transfer::{
-    FirstLook, Lengths, MappedRange, OpacityKind, RangePolicy, TransferContent, TransferError, TransferFunction,
-    TransferSource, build_node_table,
+    ColorMap, ColorPoint, FirstLook, Lengths, MappedRange, OpacityKind, RangePolicy, TransferContent, TransferError,
+    TransferFunction, TransferSource, build_node_table,
 };
 use crate::visibility::Skip;
 use glam::DVec3;
@@ -88,6 +89,14 @@ impl FlowLook {
         (self.layer.icons, self.icons) = (None, None);
     }
 
+    /// What the colours of the field that colours it mean; `None` in one colour, or if `field`, which is that field, has no finite value.
+    pub fn color_bar(&self, field: &StoredField) -> Option<ColorBar> {
+        let (series, step) = FrameTime::from(0).scalar_ranges(field);
+        let range = RangePolicy::Series.resolve(series, step).ok()?;
+        let map = colors_of(&self.layer.colors.as_ref()?.colors, &range)?;
+        Some(ColorBar { title: field.titled(), map, range })
+    }
+
     /// Checks a rate.
     ///
     /// # Errors
@@ -96,6 +105,26 @@ impl FlowLook {
         let is_right = rate >= 0.0 && rate.is_finite();
         is_right.then_some(()).ok_or_else(|| format!("flow has a rate of {rate}; it must be zero or above"))
     }
+}
+
+/// What colours mean, as a legend shows it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ColorBar {
+    /// Field and unit.
+    pub title: String,
+    /// Colours over 0..=1, opaque. (A [`NodeTable`] has none where it is transparent.)
+    pub map: ColorMap,
+    /// Scalars at 0..=1.
+    pub range: MappedRange,
+}
+
+/// The colours of a table over a linear range.
+pub(crate) fn colors_of(table: &NodeTable, range: &MappedRange) -> Option<ColorMap> {
+    let inside = table.nodes().iter().filter(|node| (range.lo()..=range.hi()).contains(&node.scalar));
+    let ends = [range.lo(), range.hi()].map(|scalar| table.eval(scalar));
+    let all = std::iter::once(&ends[0]).chain(inside).chain([&ends[1]]);
+    let points = all.map(|node| ColorPoint { position: node.scalar, rgb: node.rgb }).collect();
+    ColorMap::new("colours", points, None).ok()
 }
 
 /// Which ensembles of a project are shown.
@@ -119,13 +148,15 @@ pub struct Followed {
     pub lod: bool,
     /// The isovalues and cuts of its timeline.
     pub surfaces: bool,
+    /// Opacities of the flow on its timeline.
+    pub flow: bool,
     /// Integration of segments over time.
     pub optics: bool,
 }
 
 impl Default for Followed {
     fn default() -> Self {
-        Self { ensembles: EnsembleChoice::Project, camera: true, lod: true, surfaces: true, optics: true }
+        Self { ensembles: EnsembleChoice::Project, camera: true, lod: true, surfaces: true, flow: true, optics: true }
     }
 }
 
@@ -149,6 +180,8 @@ pub struct Keyed {
     pub lod: Option<f64>,
     /// Isovalues, opacities and positions of cuts.
     pub surfaces: KeyedSurfaces,
+    /// Opacity of the flow.
+    pub flow_opacity: Option<f64>,
     /// How segments are integrated.
     pub optics: Option<OpticsKind>,
 }
@@ -308,7 +341,11 @@ impl Look {
             (tets.optics, tets.formula) = (optics, formula);
             tets.show(&self.surfaces.at(surfaces));
         });
-        request.layers.extend(self.flow.as_ref().map(|flow| Layer::Flow(flow.layer.clone())));
+        request.layers.extend(self.flow.as_ref().map(|flow| {
+            let mut layer = flow.layer.clone();
+            layer.style.opacity = keyed.flow_opacity.filter(|_| followed.flow).unwrap_or(layer.style.opacity);
+            Layer::Flow(layer)
+        }));
         Ok(FrameRequest { backend: self.backend, skip: self.skip, ..request })
     }
 }

@@ -11,14 +11,13 @@
 
 use crate::camera::CameraError;
 use crate::error::FileError;
-use crate::look::{Colors, Look, mapped_range};
-use crate::node_table::NodeTable;
+use crate::look::{ColorBar, Colors, Look, colors_of, mapped_range};
 use crate::pipeline::{FrameRequest, FrameTime, Pipeline, PipelineError, SampleSet, Upsampling};
 use crate::project::{Animation, Project, ProjectError};
 use crate::render::Frame;
 use crate::store::Store;
 use crate::task::Cancel;
-use crate::transfer::{ColorMap, ColorPoint, FirstLook, MappedRange, RangePolicy, TransferError};
+use crate::transfer::{ColorMap, FirstLook, MappedRange, RangePolicy, TransferError};
 use crossbeam::channel::{RecvTimeoutError, bounded};
 use std::path::Path;
 use std::sync::Arc;
@@ -269,15 +268,17 @@ impl Scene {
         let map = if *of_project { colors_of(colors.table.over_scalars(), &range) } else { of_look() };
         Some((map?, range))
     }
-}
 
-/// The colours of a table over a linear range.
-fn colors_of(table: &NodeTable, range: &MappedRange) -> Option<ColorMap> {
-    let inside = table.nodes().iter().filter(|node| (range.lo()..=range.hi()).contains(&node.scalar));
-    let ends = [range.lo(), range.hi()].map(|scalar| table.eval(scalar));
-    let all = std::iter::once(&ends[0]).chain(inside).chain([&ends[1]]);
-    let points = all.map(|node| ColorPoint { position: node.scalar, rgb: node.rgb }).collect();
-    ColorMap::new("ensemble", points, None).ok()
+    /// What the colours of the last request mean: those of the field, and of the flow if a field colours it.
+    pub fn color_bars(&self) -> Vec<ColorBar> {
+        let title = self.pipeline.field().titled();
+        let of_field = self.color_scale().map(|(map, range)| ColorBar { title, map, range });
+        let of_flow = self.look.flow.as_ref().and_then(|flow| {
+            let field = flow.layer.colors.as_ref()?.field.parse().ok()?;
+            flow.color_bar(self.pipeline.series().beside(&field).ok()?.field())
+        });
+        of_field.into_iter().chain(of_flow).collect()
+    }
 }
 
 /// Interval at which a wait checks for a cancel.

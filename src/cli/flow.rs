@@ -18,35 +18,35 @@ pub(super) struct FlowArgs {
     flow: Option<String>,
     /// Pattern along the flow: strokes, lines, particles, arrows, or FILE.png, grey and periodic. Several by a value: ICON,ICON@FROM,..., each
     /// further one from its value on, cross-faded around it
-    #[arg(long, value_name = "ICON", default_value = "strokes", requires = "flow")]
+    #[arg(long, value_name = "ICON", default_value = "strokes")]
     flow_icon: Thresholds<IconName>,
     /// Field by which one of several patterns is chosen (default: the length of the vectors)
-    #[arg(long, value_name = "FIELD", requires = "flow")]
+    #[arg(long, value_name = "FIELD")]
     flow_by: Option<FieldSelector>,
     /// Number of splats, evenly through the volume (default: one at each vertex, or in each cell if the vectors are of cells)
-    #[arg(long, value_name = "N", requires = "flow", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     flow_splats: Option<u32>,
     /// Width of a splat, in edges of the cells around
-    #[arg(long, value_name = "C", default_value_t = FlowStyle::default().size, requires = "flow", allow_hyphen_values = true)]
+    #[arg(long, value_name = "C", default_value_t = FlowStyle::default().size, allow_hyphen_values = true)]
     flow_size: f64,
     /// Length of a period of the pattern, in world units (default: four edges of the mesh)
-    #[arg(long, value_name = "LENGTH", requires = "flow", allow_hyphen_values = true)]
+    #[arg(long, value_name = "LENGTH", allow_hyphen_values = true)]
     flow_length: Option<f64>,
     /// Opacity of the pattern, 0 to 1
-    #[arg(long, value_name = "A", default_value_t = FlowStyle::default().opacity, requires = "flow", allow_hyphen_values = true)]
+    #[arg(long, value_name = "A", default_value_t = FlowStyle::default().opacity, allow_hyphen_values = true)]
     flow_opacity: f64,
     /// World length that a vector of length 1 moves in a unit of the series' time
-    #[arg(long, value_name = "F", default_value_t = FlowStyle::default().speed, requires = "flow", allow_hyphen_values = true)]
+    #[arg(long, value_name = "F", default_value_t = FlowStyle::default().speed, allow_hyphen_values = true)]
     flow_speed: f64,
     /// Time of the series a second with which the flow goes on while a step is held (default: nine tenths of the volume move by less than a
     /// quarter of a period a frame)
-    #[arg(long, value_name = "R", requires = "flow", allow_hyphen_values = true)]
+    #[arg(long, value_name = "R", allow_hyphen_values = true)]
     flow_rate: Option<f64>,
     /// Patterns of vectors nearly along the ray: smooth (they fade), or paper (compressed by three at most, as printed: they spin)
-    #[arg(long, value_name = "FIDELITY", default_value = "smooth", requires = "flow")]
+    #[arg(long, value_name = "FIDELITY", default_value = "smooth")]
     flow_fidelity: FlowFidelity,
     /// Colours of the pattern by a field: NAME[@MAP] (default: orange)
-    #[arg(long, value_name = "FIELD", requires = "flow")]
+    #[arg(long, value_name = "FIELD")]
     flow_color: Option<ByField>,
 }
 
@@ -63,7 +63,6 @@ impl FlowArgs {
         tf: &TransferFunction,
         lengths: Lengths,
     ) -> anyhow::Result<Option<FlowLook>> {
-        let Some(field) = self.flow.clone() else { return Ok(None) };
         let style = FlowStyle {
             icon: self.flow_icon.generated().unwrap_or_default(),
             size: self.flow_size,
@@ -72,6 +71,16 @@ impl FlowArgs {
             speed: self.flow_speed,
             splats: self.flow_splats,
             fidelity: self.flow_fidelity,
+        };
+        let Some(field) = self.flow.clone() else {
+            let has_icons = self.flow_icon.generated().is_none() || self.flow_by.is_some();
+            let has_more = has_icons || self.flow_rate.is_some() || self.flow_color.is_some();
+            if style != FlowStyle::default() || has_more {
+                bail!(
+                    "the options --flow-... are about a field of vectors; name it by --flow FIELD, or leave them out"
+                );
+            }
+            return Ok(None);
         };
         style.check().map_err(|problem| anyhow!("--flow: {problem}"))?;
         self.flow_rate.map_or(Ok(()), FlowLook::check_rate).map_err(|problem| anyhow!("--flow: {problem}"))?;

@@ -6,7 +6,7 @@ use crate::export::run::{RunError, pattern_in};
 use crate::export::still::StillFormat;
 use crate::files;
 use crate::pipeline::{RenderMode, Representation};
-use crate::project::{LookSettings, Output, Project, ProjectError};
+use crate::project::{FlowSettings, LookSettings, Output, Project, ProjectError};
 use crate::scene::SceneError;
 use anyhow::{Context, bail};
 use clap::parser::ValueSource;
@@ -46,7 +46,7 @@ impl Taker {
 }
 
 /// Options that timeline keys would change from frame to frame; given by the user, they hold for all frames.
-const ON_THE_TIMELINE: [&str; 4] = ["tf", "camera", "lod", "optics"];
+const ON_THE_TIMELINE: [&str; 5] = ["tf", "camera", "lod", "flow_opacity", "optics"];
 
 /// Reads the project, and parses the options again with those of the project.
 pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Taker) -> anyhow::Result<Opened<A>> {
@@ -61,6 +61,7 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
             "tf" => (timeline.ensembles, project.ensembles) = Default::default(),
             "camera" => timeline.cameras = Default::default(),
             "lod" => timeline.lod = Default::default(),
+            "flow_opacity" => timeline.flow = Default::default(),
             _ => timeline.optics = Default::default(),
         }
     }
@@ -106,11 +107,11 @@ pub(super) fn open<A: FromArgMatches>(path: &Path, words: &[OsString], taker: Ta
     if says("range") && !project.ensembles.is_empty() {
         bail!("--range is for --tf; the members of {}'s ensembles have ranges of their own", path.display());
     }
-    if says("flow_icon") {
-        project.look.flow_by = None;
-    }
     let folder = files::parent_of(path);
-    project.look = project.look.with_paths(|file| folder.join(file));
+    if let Some(flow) = project.flow.take() {
+        let by = flow.by.clone().filter(|_| !says("flow_icon"));
+        project.flow = Some(FlowSettings { by, ..flow.with_paths(|file| folder.join(file)) });
+    }
     let mut options = scene_options(&project)?;
     if taker == Taker::Render {
         leave_out_what_does_not_fit(&mut project.output, given);
@@ -214,12 +215,18 @@ fn scene_options(project: &Project) -> anyhow::Result<Vec<OsString>> {
     // Ensembles have no option.
     let look = LookSettings { ensemble: None, ..project.look.clone() };
     let field = project.data.field.as_ref().map(|field| format!("--field={field}").into());
-    Ok(field.into_iter().chain(options(&look)?).collect())
+    let flow = project.flow.as_ref().map(|flow| options(flow, of_flow)).transpose()?.unwrap_or_default();
+    Ok(field.into_iter().chain(options(&look, str::to_owned)?).chain(flow).collect())
+}
+
+/// The option of a key of flow.
+fn of_flow(key: &str) -> String {
+    if key == "field" { "flow".to_owned() } else { format!("flow-{key}") }
 }
 
 /// The output settings of a project, as options.
 fn output_options(project: &Project, folder: &Path) -> anyhow::Result<Vec<OsString>> {
-    let mut options = options(&Output { output: None, ..project.output.clone() })?;
+    let mut options = options(&Output { output: None, ..project.output.clone() }, str::to_owned)?;
     if let Some(output) = &project.output.output {
         let mut word = OsString::from("--output=");
         word.push(pattern_in(folder, output));
@@ -228,8 +235,8 @@ fn output_options(project: &Project, folder: &Path) -> anyhow::Result<Vec<OsStri
     Ok(options)
 }
 
-/// The keys of a table as options of the same names: a key that is true without a value, a list as repeated options.
-fn options(table: &impl Serialize) -> anyhow::Result<Vec<OsString>> {
+/// The keys of a table as options of these names: a key that is true without a value, a list as repeated options.
+fn options(table: &impl Serialize, name_of: impl Fn(&str) -> String) -> anyhow::Result<Vec<OsString>> {
     fn add(options: &mut Vec<OsString>, name: &str, value: &Value) {
         match value {
             Value::Boolean(false) => {}
@@ -240,7 +247,7 @@ fn options(table: &impl Serialize) -> anyhow::Result<Vec<OsString>> {
         }
     }
     let mut options = Vec::new();
-    toml::Table::try_from(table)?.iter().for_each(|(name, value)| add(&mut options, name, value));
+    toml::Table::try_from(table)?.iter().for_each(|(key, value)| add(&mut options, &name_of(key), value));
     Ok(options)
 }
 
@@ -344,6 +351,7 @@ mod tests {
             let usual = look_of(&store, &[]);
             let mut project = Project::new(Data { source: "x.zarr".into(), field: None });
             project.look = LookSettings::of(&look, &usual, None);
+            project.flow = look.flow.as_ref().map(FlowSettings::of);
             let file = folder.path().join("p.toml");
             project.write(&file).unwrap();
             assert_eq!(look_of(&file, &[]), look, "{options:?}: {}", project.to_toml().unwrap());

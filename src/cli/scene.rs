@@ -396,6 +396,11 @@ impl SceneArgs {
         })
     }
 
+    /// Whether there is flow.
+    pub(super) fn has_flow(&self) -> bool {
+        self.flow.is_some()
+    }
+
     /// Refuses the name of a GPU if none renders. (A window is painted on one even then.)
     pub(super) fn check_adapter(&self) -> anyhow::Result<()> {
         #[cfg(feature = "gpu")]

@@ -18,6 +18,7 @@ use crate::stats::FrameStats;
 use crate::store::{StoredField, StoredTravel};
 use crate::task::Cancel;
 use crate::visibility::CellSet;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Weak};
 use std::time::Instant;
@@ -55,6 +56,11 @@ impl FlowLayer {
         Self { field, style, icons: None, colors: None, held: 0.0, shutter: 0.0 }
     }
 
+    /// Whether it has an opacity.
+    pub fn is_seen(&self) -> bool {
+        self.style.opacity > 0.0
+    }
+
     /// Why it cannot be drawn, whatever the series holds.
     pub(super) fn check_style(&self) -> Result<(), String> {
         self.style.check()?;
@@ -85,14 +91,15 @@ impl FlowLayer {
             // There is nothing to choose.
             _ if icons.further.is_empty() => [0.0; 2],
             Some(field) => {
-                let [vectors, ..] = components(series, &self.field)?;
+                let [vectors, ..] = vector_components(series, &self.field)?;
                 let range = beside(series, field, &vectors)?.field().range.map(|range| range.map(f64::from));
                 range.ok_or_else(|| {
                     RequestError::Flow(format!("'{field}' has no finite value; choose icons by another field"))
                 })?
             }
             None => {
-                let speeds = speeds(&components(series, &self.field)?, cancel)?.ok_or(PipelineError::Cancelled)?;
+                let speeds =
+                    speeds(&vector_components(series, &self.field)?, cancel)?.ok_or(PipelineError::Cancelled)?;
                 [0.0, 1.0].map(|share| speeds.value_at(share).map_or(0.0, f64::from))
             }
         };
@@ -113,7 +120,7 @@ impl FlowLayer {
     /// # Errors
     /// If the series has no such vectors, or none of them can be read.
     pub fn measure(&self, series: &Series, cancel: &Cancel) -> Result<Option<FlowMeasure>, PipelineError> {
-        let components = components(series, &self.field)?;
+        let components = vector_components(series, &self.field)?;
         let Some(speeds) = speeds(&components, cancel)? else { return Ok(None) };
         let speed =
             [0.9, 1.0].map(|share| speeds.value_at(share).map_or(0.0, f64::from)).into_iter().find(|&v| v > 0.0);
@@ -126,7 +133,7 @@ impl FlowLayer {
     /// # Errors
     /// If the series has no such vectors, or no cells around them, or what has the colours' scalars does not have them.
     pub fn check(&self, series: &Series) -> Result<(), RequestError> {
-        let [vectors, ..] = components(series, &self.field)?;
+        let [vectors, ..] = vector_components(series, &self.field)?;
         let colors = self.colors.as_ref();
         colors.map_or(Ok(()), |ColorsBeside { field, .. }| beside(series, &selector(field), &vectors).map(drop))
     }
@@ -188,7 +195,7 @@ pub(super) struct DecodeFlow {
 }
 
 impl DecodeFlow {
-    /// The values of a layer at a time.
+    /// The values of a layer at a time; `None` if it is transparent, of which nothing is decoded.
     ///
     /// # Errors
     /// If the series has no such vectors, or no such colours beside them, or they cannot be read, or `Cancelled`.
@@ -199,11 +206,12 @@ impl DecodeFlow {
         time: FrameTime,
         cancel: &Cancel,
         stats: &mut FrameStats,
-    ) -> Result<FlowValues, PipelineError> {
-        if self.of.as_ptr() != Arc::as_ptr(&series.mesh) || self.field != layer.field {
-            *self = Self { field: layer.field.clone(), of: Arc::downgrade(&series.mesh), ..Self::default() };
+    ) -> Result<Option<FlowValues>, PipelineError> {
+        if !layer.is_seen() {
+            return Ok(layer.check(series).map(|()| None)?);
         }
-        let fields = components(series, &layer.field)?;
+        self.turn_to(series, layer);
+        let fields = vector_components(series, &layer.field)?;
         if self.travel_of.as_ptr() != Arc::as_ptr(&fields[0]) {
             self.travel.turn_to(stored_travel(&fields));
             self.travel_of = Arc::downgrade(&fields[0]);
@@ -214,14 +222,7 @@ impl DecodeFlow {
         let colors = self.colors(series, (layer, &fields[0]), time, cancel, stats)?;
         let mixture = self.mixture(series, (layer, &fields[0]), time, cancel, stats)?;
         let Self { components, travel, .. } = self;
-        let mut vectors = |time: FrameTime| -> Result<Option<[Arc<Vec<f32>>; 3]>, PipelineError> {
-            let mut found = [const { None }; 3];
-            for ((found, steps), field) in found.iter_mut().zip(&mut *components).zip(&fields) {
-                *found = steps.show(field, time, None, cancel, stats)?;
-            }
-            let [Some(x), Some(y), Some(z)] = found else { return Ok(None) };
-            Ok(Some([x, y, z]))
-        };
+        let mut vectors = |time: FrameTime| vectors(components, &fields, time, cancel, stats);
         let mut speeds = |step: usize| Ok::<_, PipelineError>(vectors(step.into())?.map(|vectors| speeds_of(&vectors)));
         let way = travel.at(&series.times, time, &mut speeds);
         // Sums that were made before it was cancelled, too.
@@ -230,7 +231,35 @@ impl DecodeFlow {
         let vectors = vectors(time)?.ok_or(PipelineError::Cancelled)?;
         stats.flow_still = is_still(&vectors);
         let held = HeldFlow { time: layer.held, shutter: layer.shutter };
-        Ok(FlowValues { style: layer.style, held, sites, vectors, travel, mixture, colors })
+        Ok(Some(FlowValues { style: layer.style, held, sites, vectors, travel, mixture, colors }))
+    }
+
+    /// The vector at a point of a cell: linear between its vertices, NaN where one of them is, or that of the cell.
+    ///
+    /// # Errors
+    /// As [`Self::run`], and if there is no such cell.
+    pub(super) fn vector(
+        &mut self,
+        series: &Arc<Series>,
+        layer: &FlowLayer,
+        time: FrameTime,
+        (cell, weights): (u32, [f64; 4]),
+        cancel: &Cancel,
+    ) -> Result<DVec3, PipelineError> {
+        self.turn_to(series, layer);
+        let fields = vector_components(series, &layer.field)?;
+        let found = vectors(&mut self.components, &fields, time, cancel, &mut FrameStats::default())?;
+        let vectors = found.ok_or(PipelineError::Cancelled)?;
+        let no_cell = || RequestError::Flow(format!("there is no cell {cell}"));
+        let [x, y, z] = vectors.map(|of| fields[0].value_at(&of, cell, weights));
+        Ok(DVec3::new(x.ok_or_else(no_cell)?, y.ok_or_else(no_cell)?, z.ok_or_else(no_cell)?))
+    }
+
+    /// Forgets what is of another mesh or field.
+    fn turn_to(&mut self, series: &Series, layer: &FlowLayer) {
+        if self.of.as_ptr() != Arc::as_ptr(&series.mesh) || self.field != layer.field {
+            *self = Self { field: layer.field.clone(), of: Arc::downgrade(&series.mesh), ..Self::default() };
+        }
     }
 
     fn colors(
@@ -299,8 +328,24 @@ fn beside(series: &Series, field: &FieldSelector, vectors: &Series) -> Result<Ar
     )))
 }
 
+/// The components of vectors at a time, decoded by these; `None` if `cancel` was raised.
+fn vectors(
+    components: &mut [StepCache; 3],
+    fields: &[Arc<Series>; 3],
+    time: FrameTime,
+    cancel: &Cancel,
+    stats: &mut FrameStats,
+) -> Result<Option<[Arc<Vec<f32>>; 3]>, PipelineError> {
+    let mut found = [const { None }; 3];
+    for ((found, steps), field) in found.iter_mut().zip(components).zip(fields) {
+        *found = steps.show(field, time, None, cancel, stats)?;
+    }
+    let [Some(x), Some(y), Some(z)] = found else { return Ok(None) };
+    Ok(Some([x, y, z]))
+}
+
 /// The components of a field of vectors, with cells around.
-fn components(series: &Series, field: &str) -> Result<[Arc<Series>; 3], RequestError> {
+pub(crate) fn vector_components(series: &Series, field: &str) -> Result<[Arc<Series>; 3], RequestError> {
     if series.mesh.is_cloud() {
         let problem = "splats are as wide as the cells around, and the series is of points alone; leave flow out";
         return Err(RequestError::Flow(problem.to_owned()));

@@ -49,6 +49,7 @@ mod window_gpu;
 pub use crate::render::upsampling::{DepthEdges, ImageScale, UpsampleFilter, UpsampleKind, Upsampling};
 pub use device::Backend;
 pub use draw::{DrawnBy, FaceDetail, RenderMode, Representation, TetDraw};
+pub(crate) use flow::vector_components;
 pub use flow::{FlowLayer, FlowMeasure, vector_fields};
 pub use frames::SharedFrame;
 pub use layer::{ColorsBeside, KeyedSurfaces, Layer, RequestError, Shown, SurfaceLook, TetLayer};
@@ -76,6 +77,7 @@ use crate::slowdown::{Slow, frames_before, waste};
 use crate::store::{Store, StoredField};
 use crate::task::{Cancel, Progress};
 use backend::Renderers;
+use glam::DVec3;
 use preparation::{Decode, Order, Ordered};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -209,6 +211,20 @@ impl Pipeline {
     /// As [`Self::render`], or `Cancelled`.
     pub fn prepare_unless(&mut self, request: &FrameRequest, cancel: &Cancel) -> Result<RenderJob, PipelineError> {
         Ok(self.order(request, cancel)?.job)
+    }
+
+    /// The vector of a request's flow at a point of a cell, linear between the vertices; NaN where one of theirs is, `None` without flow. The
+    /// point is a cell of the mesh and weights of its vertices, as in a [`Probe`](crate::render::probe::Probe).
+    ///
+    /// # Errors
+    /// If the series has no such vectors, they cannot be read, or there is no such cell, or `Cancelled`.
+    pub fn flow_vector(
+        &mut self,
+        request: &FrameRequest,
+        point: (u32, [f64; 4]),
+        cancel: &Cancel,
+    ) -> Result<Option<DVec3>, PipelineError> {
+        self.decode.flow_vector(&self.series, request, point, cancel)
     }
 
     fn order(&mut self, request: &FrameRequest, cancel: &Cancel) -> Result<Ordered, PipelineError> {

@@ -35,6 +35,7 @@ use crate::transfer::TransferSource;
 use crate::visibility::{
     Activity, CellSet, CutPlanes, DepthOrder, Drawn, Label, Selection, Skip, TransparentIntervals,
 };
+use glam::DVec3;
 use std::sync::{Arc, LazyLock};
 use std::time::Instant;
 
@@ -80,6 +81,20 @@ impl Decode {
         self.steps.buffers()
     }
 
+    /// The vector of a request's flow at a point of a cell; `None` without flow.
+    ///
+    /// # Errors
+    /// If the series has no such vectors, they cannot be read, or there is no such cell, or `Cancelled`.
+    pub(super) fn flow_vector(
+        &mut self,
+        series: &Arc<Series>,
+        request: &FrameRequest,
+        point: (u32, [f64; 4]),
+        cancel: &Cancel,
+    ) -> Result<Option<DVec3>, PipelineError> {
+        request.flow()?.map(|layer| self.flow.vector(series, layer, request.time, point, cancel)).transpose()
+    }
+
     /// Decodes the scalars of a request.
     ///
     /// # Errors
@@ -96,8 +111,10 @@ impl Decode {
             (self.steps, self.transparent, self.colors, self.beside, self.blank) = Default::default();
             (self.region_fields, self.flow) = Default::default();
         }
-        let flow = request.flow()?;
-        let flow = flow.map(|layer| self.flow.run(series, layer, request.time, cancel, &mut stats)).transpose()?;
+        let flow = match request.flow()? {
+            Some(layer) => self.flow.run(series, layer, request.time, cancel, &mut stats)?,
+            None => None,
+        };
         let layer = request.tets_of(&series.field.name)?;
         let by = layer.map_or(DrawnBy::Raycast, |layer| layer.draw.on(&series.mesh).drawn_by());
         if let Some(layer) = layer {

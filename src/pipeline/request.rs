@@ -100,7 +100,7 @@ impl FrameRequest {
 
     /// Whether it shows a moment that is held while its flow goes on. Such a frame does not come again.
     pub(super) fn holds_flow(&self) -> bool {
-        self.layers.iter().any(|layer| layer.flow().is_some_and(|flow| flow.held > 0.0))
+        self.layers.iter().any(|layer| layer.flow().is_some_and(|flow| flow.is_seen() && flow.held > 0.0))
     }
 
     /// The request with the flow of its moment gone on for a time, in the series' unit, averaged over that between two frames; as it is

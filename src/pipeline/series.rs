@@ -9,6 +9,7 @@ use crate::error::{FileError, FileResult};
 use crate::field::{Association, FieldSelector, Scalars, TimeAxis};
 use crate::histograms::Counted;
 use crate::mesh::Mesh;
+use crate::render::probe::interpolate;
 use crate::render::{CompressedScalars, CompressedStep};
 use crate::store::{FieldReader, Store, StoredField};
 use crate::task::Cancel;
@@ -268,6 +269,16 @@ impl Series {
     /// The scalars of a step by its values.
     pub(crate) fn scalars(&self, values: Arc<Vec<f32>>) -> Scalars {
         Scalars::new(self.values_of(), values)
+    }
+
+    /// The value of a step at a point of a cell: linear between its vertices, NaN where one of them is, or the cell's; `None` if there is no such
+    /// cell.
+    pub(crate) fn value_at(&self, values: &[f32], cell: u32, weights: [f64; 4]) -> Option<f64> {
+        let tet = self.mesh.topology.tets.get(cell as usize)?;
+        Some(match self.values_of() {
+            Association::Point => interpolate(weights, tet.map(|vertex| values[vertex as usize])),
+            Association::Cell => f64::from(values[cell as usize]),
+        })
     }
 
     /// Values of a step as values of the vertices: those of cells are averaged ([`Mesh::means_at_vertices`]).

@@ -79,9 +79,9 @@ impl Animation {
         let [isovalue, opacity, cut] =
             [&timeline.isovalue, &timeline.iso_opacity, &timeline.cut].map(|track| track.number(at));
         let surfaces = KeyedSurfaces { isovalue, opacity, cut };
-        let optics = timeline.optics(at);
+        let (optics, flow_opacity) = (timeline.optics(at), timeline.flow.number(at));
         let colors = self.colors(moment, at, cancel)?;
-        Ok(Keyed { colors, camera, lod, surfaces, optics })
+        Ok(Keyed { colors, camera, lod, surfaces, flow_opacity, optics })
     }
 
     fn colors(&mut self, moment: FrameTime, at: f64, cancel: &Cancel) -> Result<Option<Colors>, ProjectError> {

@@ -1,6 +1,6 @@
 //! Changes of a project as commands, independent of any user interface.
 
-use super::{Data, LookSettings, MapTrack, NamedCamera, Output, Project, ProjectError};
+use super::{Data, FlowSettings, LookSettings, MapTrack, NamedCamera, Output, Project, ProjectError};
 use crate::camera::Camera;
 use crate::optics::OpticsKind;
 use crate::playback::Settings;
@@ -16,6 +16,8 @@ pub enum Edit {
     SetData(Data),
     /// Replaces the look.
     SetLook(Box<LookSettings>),
+    /// Replaces the flow.
+    SetFlow(Option<Box<FlowSettings>>),
     /// Replaces the playback settings.
     SetPlayback(Settings),
     /// Replaces the output settings.
@@ -120,6 +122,8 @@ pub enum Edit {
     IsoOpacity(TrackEdit<f64>),
     /// Moves the last cut.
     Cut(TrackEdit<f64>),
+    /// Changes opacities of the flow.
+    Flow(TrackEdit<f64>),
     /// Changes how segments are integrated over time.
     Optics(TrackEdit<OpticsKind>),
     /// Changes the range maps of a member.
@@ -190,6 +194,7 @@ impl Edit {
         match self {
             Self::SetData(data) => project.data = data,
             Self::SetLook(look) => project.look = *look,
+            Self::SetFlow(flow) => project.flow = flow.map(|flow| *flow),
             Self::SetPlayback(settings) => project.playback = settings,
             Self::SetOutput(output) => project.output = *output,
             Self::InsertEnsemble { index, ensemble } => {
@@ -234,6 +239,7 @@ impl Edit {
             Self::Isovalue(edit) => edit.apply(&mut timeline.isovalue)?,
             Self::IsoOpacity(edit) => edit.apply(&mut timeline.iso_opacity)?,
             Self::Cut(edit) => edit.apply(&mut timeline.cut)?,
+            Self::Flow(edit) => edit.apply(&mut timeline.flow)?,
             Self::Optics(edit) => edit.apply(&mut timeline.optics)?,
             Self::Maps { track, edit } => {
                 let missing = ProjectError::NoElement { what: "track of range maps", index: track };

@@ -6,6 +6,7 @@
 mod animation;
 mod edit;
 mod file;
+mod flow;
 mod of_look;
 mod settings;
 #[cfg(test)]
@@ -13,6 +14,7 @@ mod tests;
 
 pub use animation::Animation;
 pub use edit::{Edit, TrackEdit};
+pub use flow::FlowSettings;
 pub use settings::{Data, LookSettings, MapTrack, NamedCamera, Output, Timeline};
 
 use crate::camera::{Camera, CameraError};
@@ -24,7 +26,7 @@ use crate::render::domain::DomainSurface;
 use crate::render::points::PointStyle;
 use crate::render::surfaces::{CutText, IsosurfaceText};
 use crate::short::Short;
-use crate::timeline::TimelineError;
+use crate::timeline::{Key, TimelineError};
 use crate::transfer::{Ensemble, TransferError};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -45,6 +47,9 @@ pub struct Project {
     /// The look, where the timeline does not override it.
     #[serde(default)]
     pub look: LookSettings,
+    /// A field of vectors within, in motion.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flow: Option<FlowSettings>,
     /// Playback settings.
     #[serde(default)]
     pub playback: Settings,
@@ -73,6 +78,7 @@ impl Project {
             version: Self::VERSION,
             data,
             look: LookSettings::default(),
+            flow: None,
             playback: Settings::default(),
             output: Output::default(),
             timeline: Timeline::default(),
@@ -162,7 +168,21 @@ impl Project {
             cut.parse::<CutText>().map_err(ProjectError::BadCut)?;
         }
         self.check_mode()?;
+        self.check_flow()?;
         Ok(self.playback.check()?)
+    }
+
+    /// Checks the flow, and its opacities on the timeline.
+    fn check_flow(&self) -> Result<(), ProjectError> {
+        self.flow.as_ref().map_or(Ok(()), FlowSettings::check)?;
+        let opacities = self.timeline.flow.keys();
+        if let Some(&Key { time, value, .. }) = opacities.iter().find(|key| !(0.0..=1.0).contains(&key.value)) {
+            return Err(ProjectError::BadFlowOpacity { time, opacity: value });
+        }
+        if !opacities.is_empty() && self.flow.is_none() {
+            return Err(ProjectError::NoFlow);
+        }
+        Ok(())
     }
 
     /// Refuses levels of detail for a renderer that draws all cells, and optics for one that has its own.
@@ -320,6 +340,22 @@ pub enum ProjectError {
         "the timeline moves a cut, but [look] has none; add cut = [\"point=x,y,z normal=x,y,z\"], or leave [[timeline.cut]] out"
     )]
     NoCut,
+    /// Flow that cannot be.
+    #[error("[flow]: {0}")]
+    BadFlow(String),
+    /// An opacity of flow on the timeline outside of 0 to 1.
+    #[error("[[timeline.flow]] has an opacity of {opacity} at time {}; it lies between 0 and 1", Short(.time))]
+    BadFlowOpacity {
+        /// Time of its key.
+        time: f64,
+        /// The opacity.
+        opacity: f64,
+    },
+    /// Opacities of flow on the timeline without flow.
+    #[error(
+        "the timeline has opacities of flow, but the project none; add [flow] with field = \"NAME\", or leave [[timeline.flow]] out"
+    )]
+    NoFlow,
     /// Isovalues on the timeline without a surface.
     #[error(
         "the timeline has isovalues or their opacities, but [look] no surface; add iso = [\"VALUE\"], or leave [[timeline.isovalue]] and [[timeline.iso-opacity]] out"

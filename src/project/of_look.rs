@@ -1,12 +1,11 @@
 //! The settings of a look as those of a project.
 
 use super::LookSettings;
-use crate::look::{FlowLook, Look};
+use super::flow::differing;
+use crate::look::Look;
 use crate::pipeline::{RenderMode, Shown, SurfaceLook, TetDraw};
-use crate::render::flow::{FlowStyle, Thresholds};
 use crate::render::functions::SheetSpacing;
 use crate::render::surfaces::{ByField, CutText, IsosurfaceText};
-use std::path::PathBuf;
 
 impl LookSettings {
     /// The settings that give this look; those that it shares with `usual`, the look without settings, are left out. Colours, opacities and
@@ -54,34 +53,8 @@ impl LookSettings {
             domain: functions.domain,
             normalise: differing(functions.normalise, usual.functions.normalise),
             camera: Some(look.camera.to_string()),
-            ..Self::of_surfaces(&look.surfaces, &usual.surfaces).with_flow(look.flow.as_ref())
+            ..Self::of_surfaces(&look.surfaces, &usual.surfaces)
         }
-    }
-
-    /// The settings with those of flow.
-    fn with_flow(self, flow: Option<&FlowLook>) -> Self {
-        let Some(FlowLook { layer, color_by, icons, rate }) = flow else { return self };
-        let (style, usual) = (layer.style, FlowStyle::default());
-        Self {
-            flow: Some(layer.field.clone()),
-            flow_icon: icons.clone().or_else(|| differing(style.icon, usual.icon).map(Thresholds::from)),
-            flow_by: layer.icons.as_ref().and_then(|icons| icons.by.as_ref()?.parse().ok()),
-            flow_splats: style.splats,
-            flow_size: differing(style.size, usual.size),
-            flow_length: style.length,
-            flow_opacity: differing(style.opacity, usual.opacity),
-            flow_speed: differing(style.speed, usual.speed),
-            flow_rate: *rate,
-            flow_fidelity: differing(style.fidelity, usual.fidelity),
-            flow_color: color_by.as_ref().map(ToString::to_string),
-            ..self
-        }
-    }
-
-    /// The settings with other paths of the files that they name.
-    #[must_use]
-    pub fn with_paths(self, path: impl Fn(PathBuf) -> PathBuf) -> Self {
-        Self { flow_icon: self.flow_icon.map(|icons| icons.with_paths(path)), ..self }
     }
 
     /// The settings of surfaces alone.
@@ -109,9 +82,4 @@ impl LookSettings {
             ..Self::default()
         }
     }
-}
-
-/// A value that is not the usual one.
-fn differing<T: PartialEq>(value: T, usual: T) -> Option<T> {
-    (value != usual).then_some(value)
 }

@@ -5,7 +5,6 @@ use crate::camera::{Camera, CameraError};
 use crate::field::{FieldSelector, Regions};
 use crate::optics::OpticsKind;
 use crate::pipeline::{Backend, RenderMode, Representation};
-use crate::render::flow::{FlowFidelity, IconName, Thresholds};
 use crate::render::functions::{FunctionDomain, Normalise};
 use crate::render::points::{Compositing, Footprint};
 use crate::render::surfaces::{CropBox, Light, Normals};
@@ -130,39 +129,6 @@ pub struct LookSettings {
     /// What the sum of values of functions is divided by.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub normalise: Option<Normalise>,
-    /// The field of vectors whose flow is shown.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub flow: Option<String>,
-    /// The patterns along the flow, as `--flow-icon` has them; files are relative to the folder of the project file.
-    #[serde(skip_serializing_if = "Option::is_none", with = "as_text")]
-    pub flow_icon: Option<Thresholds<IconName>>,
-    /// The field by which one of several is chosen.
-    #[serde(skip_serializing_if = "Option::is_none", with = "as_text")]
-    pub flow_by: Option<FieldSelector>,
-    /// Number of splats.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub flow_splats: Option<u32>,
-    /// Width of a splat, in edges of the cells at its vertex.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub flow_size: Option<f64>,
-    /// Length of a period of the pattern, world units.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub flow_length: Option<f64>,
-    /// Opacity of the pattern.
-    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "share")]
-    pub flow_opacity: Option<f64>,
-    /// World length that a vector of length 1 moves in a unit of time.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub flow_speed: Option<f64>,
-    /// Time of the series a second with which the flow of a held step goes on.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub flow_rate: Option<f64>,
-    /// What patterns of vectors nearly along the ray are.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub flow_fidelity: Option<FlowFidelity>,
-    /// The field that colours the pattern, and its map, as `--flow-color` has it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub flow_color: Option<String>,
     /// Viewpoint, as `--camera` has it, or the name of a camera.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<String>,
@@ -251,6 +217,8 @@ pub struct Timeline {
     pub iso_opacity: Keyframed<f64>,
     /// How far the last cut of the look is moved along its normal, world units.
     pub cut: Keyframed<f64>,
+    /// Opacities of the flow, 0 to 1.
+    pub flow: Keyframed<f64>,
     /// How segments are integrated; holds until the next key.
     pub optics: Keyframed<OpticsKind>,
 }
@@ -311,19 +279,22 @@ pub struct MapTrack {
 }
 
 /// Serialises a value as its text.
-mod as_text {
+pub(super) mod as_text {
     use serde::{Deserialize, Deserializer, Serializer, de::Error};
     use std::fmt::Display;
     use std::str::FromStr;
 
-    pub(super) fn serialize<T: Display, S: Serializer>(value: &Option<T>, serializer: S) -> Result<S::Ok, S::Error> {
+    pub(in crate::project) fn serialize<T: Display, S: Serializer>(
+        value: &Option<T>,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
         match value {
             Some(value) => serializer.collect_str(value),
             None => serializer.serialize_none(),
         }
     }
 
-    pub(super) fn deserialize<'de, T, D>(deserializer: D) -> Result<Option<T>, D::Error>
+    pub(in crate::project) fn deserialize<'de, T, D>(deserializer: D) -> Result<Option<T>, D::Error>
     where
         T: FromStr,
         T::Err: Display,

@@ -4,6 +4,7 @@ use super::*;
 use crate::camera::Camera;
 use crate::optics::OpticsKind;
 use crate::pipeline::RenderMode;
+use crate::render::flow::FlowFidelity;
 use crate::render::surfaces::{Light, Normals};
 use crate::timeline::{Key, Keyframed, Transition};
 use crate::transfer::{Blend, ColorMap, ColorWeighting, Function, Member, RangeMap, RangePolicy, TransferFunction};
@@ -52,10 +53,21 @@ fn whole() -> Project {
         shade: Some(Normals::Vertex),
         light: Some(Light::From([0.0, 0.5, -1.0])),
         optics: Some(OpticsKind::Table3d),
-        flow_icon: Some("lines,tiles/a, b.png@-2.5".parse().unwrap()),
-        flow_by: Some("v:0".parse().unwrap()),
         ..Default::default()
     };
+    project.flow = Some(FlowSettings {
+        field: "velocity".into(),
+        icon: Some("lines,tiles/a, b.png@-2.5".parse().unwrap()),
+        by: Some("v:0".parse().unwrap()),
+        splats: Some(900),
+        size: Some(0.7),
+        length: Some(1.0 / 7.0),
+        opacity: Some(0.4),
+        speed: Some(1e3),
+        rate: Some(0.0),
+        fidelity: Some(FlowFidelity::Paper),
+        color: Some("velocity:mag@viridis".parse().unwrap()),
+    });
     project.cameras = ["front", "from the left"]
         .map(|name| NamedCamera { name: name.into(), camera: camera(name.len() as f64) })
         .into();
@@ -79,6 +91,7 @@ fn whole() -> Project {
         isovalue: keys(vec![key(0.5, -1.25), key(2.0, 3.5)]),
         iso_opacity: keys(vec![key(0.0, 1.0), key(2.0, 0.25)]),
         cut: keys(vec![key(0.0, -0.5), key(2.0, 0.25)]),
+        flow: keys(vec![key(0.5, 0.0), key(2.0, 1.0)]),
         optics: keys(vec![key(2.0, OpticsKind::Exact)]),
     };
     project.check().unwrap();
@@ -124,6 +137,13 @@ fn faults_of_a_file_are_named_with_their_line() {
         ("weight = 0.3333333333333333", "weight = -1", "a weight of -1"),
         ("weight = 0.3333333333333333", "weight = nan", "a weight of NaN"),
         ("lod = 0.5", "lod = 1.5", "a level of detail of 1.5"),
+        (
+            "icon = \"lines\"",
+            "icons = \"lines\"",
+            "unknown field `icons`, expected one of `field`, `icon`, `splats`, `size`",
+        ),
+        ("icon = \"lines\"", "icon = \"fish\"", "fish"),
+        ("color = \"velocity:mag@viridis\"", "color = \"velocity:mag@\"", "velocity:mag@"),
         ("handles = [[0.25, 0.1], [0.3, 1.0]]", "handles = [[0.25, 0.1], [0.3, 1.0], [1, 1]]", "more values"),
     ] {
         assert_eq!(text.matches(from).count(), 1, "{from} in {text}");
@@ -191,6 +211,13 @@ fn parts_that_do_not_belong_together_are_errors() {
         })
         .contains("has its own")
     );
+    let opacity = broken(|p| p.timeline.flow = keys(vec![key(0.0, 1.0), key(7.0, 1.5)]));
+    assert!(
+        opacity.contains("[[timeline.flow]] has an opacity of 1.5 at time 7; it lies between 0 and 1"),
+        "{opacity}"
+    );
+    assert!(broken(|p| p.timeline.flow = keys(vec![key(0.0, f64::NAN)])).contains("an opacity of NaN at time 0"));
+    assert!(broken(|p| p.flow = None).contains("add [flow] with field"));
     assert!(broken(|p| p.playback.stride = 0).contains("stride"));
     assert!(broken(|p| p.playback.frames_per_second = 0.0).contains("speed of 0"));
     assert!(broken(|p| p.cameras[1].name = "front".into()).contains("two cameras 'front'"));
@@ -203,6 +230,25 @@ fn parts_that_do_not_belong_together_are_errors() {
         p.timeline.cameras = keys(vec![key(7.0, Camera { position: camera.focal_point, ..camera })]);
     };
     assert!(broken(nowhere).contains("time 7"));
+}
+
+#[test]
+fn flow_that_cannot_be_is_an_error() {
+    let changes: [(fn(&mut FlowSettings), &str); 7] = [
+        (|of| of.opacity = Some(1.5), "[flow]: flow has an opacity of 1.5; it lies between 0 and 1"),
+        (|of| of.opacity = Some(f64::NAN), "an opacity of NaN"),
+        (|of| of.size = Some(0.0), "a size of 0; it must be above zero"),
+        (|of| of.length = Some(-1.0), "a length of -1"),
+        (|of| of.speed = Some(f64::INFINITY), "a speed of inf"),
+        (|of| of.rate = Some(-0.5), "a rate of -0.5"),
+        (|of| of.splats = Some(0), "no splats"),
+    ];
+    for (change, expected) in changes {
+        let mut project = whole();
+        change(project.flow.as_mut().unwrap());
+        let read = parse(&project.to_toml().unwrap()).unwrap_err().to_string();
+        assert!(read.contains("p.toml") && read.contains(expected), "{read}");
+    }
 }
 
 #[test]
@@ -257,6 +303,8 @@ fn edits() -> impl Strategy<Value = Edit> {
             transition: Transition::Step { at }
         })),
         (time.clone(), 0.0..1.2_f64).prop_map(|(t, lod)| Edit::Lod(TrackEdit::Insert(key(t, lod)))),
+        (time.clone(), 0.0..1.2_f64).prop_map(|(t, opacity)| Edit::Flow(TrackEdit::Insert(key(t, opacity)))),
+        Just(Edit::SetFlow(None)),
         (time.clone(), -9.0..9.0_f64).prop_map(|(t, value)| Edit::Isovalue(TrackEdit::Insert(key(t, value)))),
         (at.clone(), time)
             .prop_map(|(track, t)| Edit::Maps { track, edit: TrackEdit::Insert(key(t, RangeMap::default())) }),
@@ -339,11 +387,12 @@ fn what_the_manual_shows_and_what_is_shipped_is_read() {
 }
 
 #[test]
-fn files_of_a_look_are_found_from_another_folder() {
-    let moved = whole().look.with_paths(|file| Path::new("folder").join(file));
-    assert_eq!(moved.flow_icon.as_ref().unwrap().to_string(), "lines,folder/tiles/a, b.png@-2.5");
+fn files_of_flow_are_found_from_another_folder() {
+    let flow = whole().flow.unwrap();
+    let moved = flow.clone().with_paths(|file| Path::new("folder").join(file));
+    assert_eq!(moved.icon.as_ref().unwrap().to_string(), "lines,folder/tiles/a, b.png@-2.5");
     let back = moved.with_paths(|file| file.strip_prefix("folder").unwrap().to_owned());
-    assert_eq!(back, whole().look);
+    assert_eq!(back, flow);
 }
 
 #[test]

@@ -90,6 +90,14 @@ fn coding_of(attributes: &FieldAttributes, path: &Path) -> FileResult<Option<Arc
 }
 
 impl StoredField {
+    /// Name and unit: `T [K]`.
+    pub fn titled(&self) -> String {
+        match self.units.as_deref().filter(|units| !units.is_empty()) {
+            Some(units) => format!("{} [{units}]", self.name),
+            None => self.name.clone(),
+        }
+    }
+
     /// Reads attributes and ranges and checks the shape of the values: `count` in each step, of vertices or of the source's cells.
     pub(super) fn open(
         root: &Path,

@@ -143,6 +143,8 @@ pub enum Action {
     NextShown,
     /// Shows the flow of a field of vectors, or none. An invalid style or rate is not applied.
     Flow(Option<Box<FlowLook>>),
+    /// Shows the flow with an opacity, 0 to 1, at all times.
+    FlowOpacity(f64),
     /// Colours the flow by a field, or by none.
     FlowColors(Option<ByField>),
     /// Shows flow or hides it.

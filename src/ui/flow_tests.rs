@@ -1,6 +1,7 @@
 //! Flow in a session.
 
 use super::desk::Desk;
+use super::tracks::{KeyAction, KeyValue, Track};
 use super::worker::tests::wait_for;
 use super::{Action, NoticeKind};
 use crate::calculator::calculated;
@@ -73,6 +74,43 @@ fn a_held_step_flows_on_and_a_played_one_does_not() {
 }
 
 #[test]
+fn a_flow_that_fades_on_the_timeline_is_drawn_so_until_another_opacity_is_chosen() {
+    let mut desk = desk();
+    desk.act(Action::FlowOpacity(0.5));
+    desk.settle();
+    let add = Action::Keys(KeyAction::Add(Track::Flow));
+    desk.act(add.clone());
+    desk.act(Action::Play(Command::SeekStep(2)));
+    desk.act(add);
+    desk.act(Action::Keys(KeyAction::SetValue(KeyValue::Number(0.0))));
+    desk.settle();
+    let shown = |desk: &Desk| (flow(desk).unwrap().style.opacity, desk.shown().frame.stats.flow_splats);
+    assert_eq!(shown(&desk), (0.0, 0));
+    let (held, wait) = (desk.settle(), desk.session.tick(desk.now).1);
+    assert!(held == 0 && wait.is_none_or(|wait| wait.as_millis() > 20), "nothing that is seen goes on: {wait:?}");
+    desk.act(Action::Play(Command::SeekStep(1)));
+    desk.settle();
+    let (opacity, splats) = shown(&desk);
+    assert!(opacity > 0.1 && opacity < 0.4 && splats > 0, "{opacity} {splats}");
+    assert_eq!(desk.session.value_shown(Track::Flow), Ok(KeyValue::Number(opacity)));
+    // The user's own holds at all times, until the timeline's is asked for again.
+    desk.act(Action::FlowOpacity(0.75));
+    desk.act(Action::FlowOpacity(f64::NAN));
+    desk.settle();
+    assert_eq!((shown(&desk).0, desk.session.value_shown(Track::Flow)), (0.75, Ok(KeyValue::Number(0.75))));
+    desk.act(Action::Keys(KeyAction::Select(Track::Flow, 1)));
+    desk.settle();
+    assert_eq!(shown(&desk), (0.0, 0));
+    // Hidden flow whose opacity has keys stays in the project.
+    desk.act(Action::ToggleFlow);
+    desk.settle();
+    let saved = desk.session.to_project("a.toml".as_ref());
+    assert!(flow(&desk).is_none() && saved.flow.is_some() && saved.check().is_ok());
+    (0..3).for_each(|_| desk.act(Action::Undo));
+    assert_eq!(desk.session.project().timeline.flow.number(1e9), Some(0.0), "keys are undone as others are");
+}
+
+#[test]
 fn flow_is_switched_changed_coloured_and_undone() {
     let mut desk = desk();
     let style = FlowStyle { size: 0.9, ..FlowStyle::default() };
@@ -89,8 +127,15 @@ fn flow_is_switched_changed_coloured_and_undone() {
         desk.session.look().flow.as_ref().unwrap().layer.colors.clone()
     });
     desk.settle();
-    assert!(flow(&desk).unwrap().colors.is_some());
-    assert_eq!(desk.session.to_project("a.toml".as_ref()).look.flow_color, Some(by.to_string()));
+    let colors = flow(&desk).unwrap().colors.unwrap().colors;
+    let bar = desk.session.flow_bar().unwrap();
+    assert_eq!(bar.title, "velocity:mag");
+    for position in [0.0, 0.25, 1.0] {
+        let [shown, drawn] = [bar.map.eval(position), colors.eval(bar.range.scalar_at(position)).rgb];
+        // Both are linear between the same nodes, at places that differ by roundings.
+        assert!((0..3).all(|c| (shown[c] - drawn[c]).abs() < 1e-9), "{position}: {shown:?} {drawn:?}");
+    }
+    assert_eq!(desk.session.to_project("a.toml".as_ref()).flow.unwrap().color, Some(by));
     desk.act(Action::Undo);
     assert_eq!(desk.session.look().flow.as_ref().unwrap().layer.colors, None, "colours are a change of their own");
     desk.act(Action::Redo);
@@ -160,15 +205,15 @@ fn the_next_icon_takes_the_place_of_several_and_a_project_names_a_picture_by_its
     desk.settle();
     assert_eq!(flow(&desk).unwrap().icons, several.layer.icons);
     for (file, named) in [("/folder/p.toml", "tile.png"), ("/other/p.toml", "/folder/tile.png")] {
-        let look = desk.session.to_project(file.as_ref()).look;
-        assert_eq!(look.flow_icon.unwrap().to_string(), format!("strokes,{named}@0.5"));
-        assert_eq!(look.flow_by, "velocity:0".parse().ok());
+        let flow = desk.session.to_project(file.as_ref()).flow.unwrap();
+        assert_eq!(flow.icon.unwrap().to_string(), format!("strokes,{named}@0.5"));
+        assert_eq!(flow.by, "velocity:0".parse().ok());
     }
     desk.act(Action::NextIcon);
     desk.settle();
     let next = flow(&desk).unwrap();
     assert_eq!((next.icons, next.style.icon), (None, Icon::Lines));
-    assert_eq!(desk.session.to_project("a.toml".as_ref()).look.flow_by, None);
+    assert_eq!(desk.session.to_project("a.toml".as_ref()).flow.unwrap().by, None);
     desk.act(Action::Undo);
     assert_eq!(desk.session.look().flow, Some(several));
 }

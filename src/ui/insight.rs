@@ -35,6 +35,11 @@ fn is_same(a: &HoverRequest, b: &HoverRequest) -> bool {
     a.at_px == b.at_px && Arc::ptr_eq(&a.series, &b.series) && a.request == b.request
 }
 
+/// The field whose flow a picture shows.
+fn flow_of(request: &FrameRequest) -> Option<String> {
+    request.layers.iter().find_map(|layer| layer.flow()).map(|flow| flow.field.clone())
+}
+
 /// Finds these data on threads of its own.
 pub(super) struct Insight {
     wake: Arc<dyn Fn() + Send + Sync>,
@@ -50,7 +55,8 @@ pub(super) struct Insight {
     asked: Option<HoverRequest>,
     /// Request whose point is to be picked once known. Until then no other request is made: the mouse may have moved on.
     wants_pick: Option<HoverRequest>,
-    picked: Option<(Probe, Option<Arc<Curve>>)>,
+    /// The picked point, the field of the vectors that are read for it, and its values.
+    picked: Option<(Probe, Option<String>, Option<Arc<Curve>>)>,
 }
 
 impl Insight {
@@ -84,8 +90,8 @@ impl Insight {
     pub(super) fn turn_to(&mut self, series: &Arc<Series>) -> io::Result<()> {
         self.survey = Survey::start(series.clone(), self.wake.clone())?;
         (self.hover, self.asked, self.wants_pick) = (None, None, None);
-        if let Some((probe, _)) = self.picked {
-            self.prober.pick(series.clone(), probe.cell, probe.weights);
+        if let Some((probe, vectors, _)) = &self.picked {
+            self.prober.pick(series.clone(), probe.cell, probe.weights, vectors.clone());
         }
         Ok(())
     }
@@ -109,8 +115,14 @@ impl Insight {
         if !self.hover.as_ref().is_some_and(|hover| is_of_screen(&hover.asked)) {
             self.hover = None;
         }
-        if let Some((_, curve)) = &mut self.picked {
+        if let Some((probe, vectors, curve)) = &mut self.picked {
             *curve = self.prober.curve();
+            // Flow that is shown since then.
+            let flow = shown.and_then(flow_of);
+            if let Some(known) = curve.as_ref().filter(|_| flow.is_some() && flow != *vectors) {
+                self.prober.pick(known.series.clone(), probe.cell, probe.weights, flow.clone());
+                *vectors = flow;
+            }
         }
     }
 
@@ -145,8 +157,9 @@ impl Insight {
 
     fn pick_found(&mut self, hover: &Hover) {
         if let Hover { asked, found: Ok(Some(probe)), .. } = hover {
-            self.prober.pick(asked.series.clone(), probe.cell, probe.weights);
-            self.picked = Some((*probe, None));
+            let vectors = flow_of(&asked.request);
+            self.prober.pick(asked.series.clone(), probe.cell, probe.weights, vectors.clone());
+            self.picked = Some((*probe, vectors, None));
         }
     }
 
@@ -158,7 +171,7 @@ impl Insight {
 
     /// The picked point.
     pub(super) fn picked(&self) -> Option<Picked> {
-        let (probe, curve) = self.picked.as_ref()?;
+        let (probe, _, curve) = self.picked.as_ref()?;
         Some(Picked { position: probe.position, source_cell: probe.source_cell, curve: curve.clone() })
     }
 }

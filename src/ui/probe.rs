@@ -1,10 +1,9 @@
 //! The point under the mouse, and its value over the series: on threads of its own.
 
 use super::worker::{BLOCK_BYTES, SeriesPipeline, Slot, Worker};
-use crate::field::Association;
 use crate::functions::eval::Found;
-use crate::pipeline::{Backend, FrameRequest, Pipeline, PipelineError, Series, TetDraw};
-use crate::render::probe::{Probe, interpolate, probe};
+use crate::pipeline::{Backend, FrameRequest, Pipeline, PipelineError, Series, TetDraw, vector_components};
+use crate::render::probe::{Probe, probe};
 use crate::task::Cancel;
 use crate::visibility::Skip;
 use glam::DVec3;
@@ -32,6 +31,8 @@ pub struct Hover {
     pub found: Result<Option<Probe>, String>,
     /// What functions give at that point, in a frame that is drawn by them; the gradient is per world unit.
     pub functions: Option<Found<f64, DVec3>>,
+    /// The vector of the frame's flow at that point.
+    pub vector: Option<DVec3>,
 }
 
 /// The scalar of a point at every step of a series, as far as read.
@@ -45,6 +46,8 @@ pub struct Curve {
     pub weights: [f64; 4],
     /// One value per step of the series; NaN if not read yet, if the point is in a hole, or if the step cannot be read.
     pub values: Vec<f32>,
+    /// The vectors of flow there, if there is flow.
+    pub vectors: Option<Vectors>,
     /// Number of steps processed, from the first on.
     pub done: usize,
     /// Number of unreadable steps.
@@ -53,6 +56,15 @@ pub struct Curve {
     pub problem: Option<String>,
     /// Whether the curve is final: complete, or failed.
     pub is_over: bool,
+}
+
+/// The vectors of a point at every step of a series, as far as read.
+#[derive(Clone, Debug)]
+pub struct Vectors {
+    /// Name of the field.
+    pub field: String,
+    /// One vector per step; NaN as a [`Curve`]'s values.
+    pub values: Vec<[f32; 3]>,
 }
 
 /// Interval between snapshots of a growing curve.
@@ -79,10 +91,12 @@ impl Prober {
                 Err(PipelineError::Cancelled) => return,
                 found => found.map_err(|error| error.to_string()),
             };
-            let (found, functions) = found.map_or_else(|error| (Err(error), None), |(point, of)| (Ok(point), of));
-            put(Hover { asked, found, functions });
+            put(match found {
+                Ok(Pointed { point, functions, vector }) => Hover { asked, found: Ok(point), functions, vector },
+                Err(error) => Hover { asked, found: Err(error), functions: None, vector: None },
+            });
         };
-        let failed = |asked, text| Hover { asked, found: Err(text), functions: None };
+        let failed = |asked, text| Hover { asked, found: Err(text), functions: None, vector: None };
         let hovers = Worker::start("probe", hover.filler(wake.clone()), answer, failed)?;
         let follow = |(): &mut (), curve: Curve, cancel: &Cancel, show: &dyn Fn(Arc<Curve>)| curve.follow(cancel, show);
         let known = curve.clone();
@@ -111,11 +125,13 @@ impl Prober {
     }
 
     /// Starts to read the value of a point at every step of a series, replacing the last point. The point is a cell of the series' mesh and
-    /// weights of its vertices, as in a [`Probe`].
-    pub fn pick(&self, series: Arc<Series>, cell: u32, weights: [f64; 4]) {
+    /// weights of its vertices, as in a [`Probe`]. With the name of a field of vectors, reads these, too.
+    pub fn pick(&self, series: Arc<Series>, cell: u32, weights: [f64; 4], vectors: Option<String>) {
         self.forget_pick();
         let values = vec![f32::NAN; series.times().len()];
-        self.picks.give(Curve { series, cell, weights, values, done: 0, failed: 0, problem: None, is_over: false });
+        let vectors = vectors.map(|field| Vectors { field, values: vec![[f32::NAN; 3]; series.times().len()] });
+        let start = Curve { series, cell, weights, values, vectors, done: 0, failed: 0, problem: None, is_over: false };
+        self.picks.give(start);
     }
 
     /// Drops the curve.
@@ -130,49 +146,70 @@ impl Prober {
     }
 }
 
-/// The point at a position in a frame, and what functions give there in a frame that is drawn by them.
-type Pointed = (Option<Probe>, Option<Found<f64, DVec3>>);
+/// What is at a position in a frame.
+struct Pointed {
+    point: Option<Probe>,
+    /// What functions give there in a frame that is drawn by them.
+    functions: Option<Found<f64, DVec3>>,
+    /// The vector there in a frame with flow.
+    vector: Option<DVec3>,
+}
 
 /// Finds the point at a position in a frame: that of the cells, also where functions are drawn in them.
 fn find(pipeline: &mut Pipeline, asked: &HoverRequest, cancel: &Cancel) -> Result<Pointed, PipelineError> {
     // The scalars are needed on the CPU, and every cell is: the point under the mouse may be transparent.
     let skip = Skip { transparent_cells: false, transparent_chunks: false, ..asked.request.skip };
     let request = asked.request.clone().with_draw(TetDraw::Auto);
-    let request = FrameRequest { backend: Backend::Cpu, skip, ..request };
+    let mut request = FrameRequest { backend: Backend::Cpu, skip, ..request };
+    // What flows is not what is pointed at.
+    request.layers.retain(|layer| layer.flow().is_none());
     let job = pipeline.prepare_unless(&request, cancel)?;
     let point = probe(&job, asked.at_px)?;
     let is_of_functions = asked.request.tets().is_some_and(|tets| matches!(tets.draw, TetDraw::Sheets(_)));
     let at_point = |point: &Probe| asked.series.functions_at(job.scalars.of_vertices()?, point.position);
     let functions = point.as_ref().filter(|_| is_of_functions).and_then(at_point);
-    Ok((point, functions))
+    let vector = match &point {
+        Some(point) => pipeline.flow_vector(&asked.request, (point.cell, point.weights), cancel)?,
+        None => None,
+    };
+    Ok(Pointed { point, functions, vector })
 }
 
 impl Curve {
     /// Reads the point's value step by step, and calls `show` with snapshots.
     fn follow(mut self, cancel: &Cancel, show: &dyn Fn(Arc<Self>)) {
         let series = self.series.apart(BLOCK_BYTES);
-        let Some(&tet) = series.mesh().topology.tets.get(self.cell as usize) else {
+        if series.mesh().topology.tets.get(self.cell as usize).is_none() {
             self.problem = Some(format!("there is no cell {}", self.cell));
             self.is_over = true;
             return show(Arc::new(self));
-        };
+        }
+        let components = self.vectors.as_ref().map(|of| vector_components(&series, &of.field)).transpose();
+        let components = components.unwrap_or_else(|error| {
+            self.problem = Some(error.to_string());
+            None
+        });
         let mut scalars = vec![0.0; series.scalar_count()];
+        let count = components.as_ref().map_or(0, |of| of[0].scalar_count());
+        let mut component = vec![0.0; count];
         let mut shown = Instant::now();
         show(Arc::new(self.clone()));
         while self.done < self.values.len() {
             match series.decode_step(self.done, &mut scalars, cancel) {
                 Ok(true) => {
-                    let value = match series.values_of() {
-                        Association::Point => interpolate(self.weights, tet.map(|v| scalars[v as usize])),
-                        Association::Cell => f64::from(scalars[self.cell as usize]),
-                    };
-                    self.values[self.done] = value as f32;
+                    let value = series.value_at(&scalars, self.cell, self.weights);
+                    self.values[self.done] = value.map_or(f32::NAN, |value| value as f32);
                 }
                 Ok(false) => return,
                 Err(error) => {
                     self.failed += 1;
                     self.problem.get_or_insert_with(|| error.to_string());
                 }
+            }
+            match components.as_ref().map(|of| self.vector(of, &mut component, cancel)) {
+                Some(Ok(false)) => return,
+                Some(Err(error)) => drop(self.problem.get_or_insert_with(|| error.to_string())),
+                Some(Ok(true)) | None => {}
             }
             self.done += 1;
             if shown.elapsed() >= SHOWN_EVERY && self.done < self.values.len() {
@@ -182,6 +219,26 @@ impl Curve {
         }
         self.is_over = true;
         show(Arc::new(self));
+    }
+
+    /// Reads the point's vector at the next step; returns whether that was not cancelled.
+    fn vector(
+        &mut self,
+        components: &[Arc<Series>; 3],
+        values: &mut [f32],
+        cancel: &Cancel,
+    ) -> Result<bool, PipelineError> {
+        let mut vector = [0.0; 3];
+        for (of, component) in components.iter().zip(&mut vector) {
+            if !of.decode_step(self.done, values, cancel)? {
+                return Ok(false);
+            }
+            *component = of.value_at(values, self.cell, self.weights).map_or(f32::NAN, |value| value as f32);
+        }
+        if let Some(vectors) = &mut self.vectors {
+            vectors.values[self.done] = vector;
+        }
+        Ok(true)
     }
 }
 

@@ -6,8 +6,9 @@ use crate::camera::Camera;
 use crate::functions::value_at;
 use crate::functions::vertices::VertexFunctions;
 use crate::node_table::{Node, NodeTable};
-use crate::pipeline::FrameTime;
 use crate::pipeline::test_series::{jet, logged};
+use crate::pipeline::{FlowLayer, FrameTime, Layer};
+use crate::render::flow::FlowStyle;
 use crate::render::functions::SheetStyle;
 use std::sync::atomic::Ordering;
 
@@ -152,7 +153,7 @@ fn a_curve_is_each_step_decoded_whole_and_mixed_in_f64() {
     let (prober, weights) = (silent(), [0.125, 0.5, 0.3, 0.075]);
     let mut changing = 0;
     for cell in (0..series.mesh().topology.tets.len() as u32).step_by(97) {
-        prober.pick(series.clone(), cell, weights);
+        prober.pick(series.clone(), cell, weights, None);
         let curve = whole_curve(&prober);
         assert_eq!((curve.cell, curve.weights, curve.done, curve.failed), (cell, weights, 4, 0));
         let corner = series.mesh().topology.tets[cell as usize];
@@ -173,17 +174,17 @@ fn steps_that_cannot_be_read_are_nan_and_counted() {
     let (series, log) = logged(6);
     log.fail_at(2);
     let prober = silent();
-    prober.pick(series.clone(), 3, [0.25; 4]);
+    prober.pick(series.clone(), 3, [0.25; 4], None);
     let curve = whole_curve(&prober);
     assert_eq!((curve.done, curve.failed), (6, 1));
     assert!(curve.problem.as_ref().unwrap().contains("damaged"));
     assert!(curve.values[2].is_nan());
     assert_eq!([0, 1, 3, 4, 5].map(|step| curve.values[step]), [0.0, 1.0, 3.0, 4.0, 5.0]);
     log.panic_at(4);
-    prober.pick(series.clone(), 3, [0.25; 4]);
+    prober.pick(series.clone(), 3, [0.25; 4], None);
     let curve = whole_curve(&prober);
     assert!(curve.problem.as_ref().unwrap().contains("not meant"), "{curve:?}");
-    prober.pick(series, u32::MAX, [0.25; 4]);
+    prober.pick(series, u32::MAX, [0.25; 4], None);
     let curve = whole_curve(&prober);
     assert!(curve.problem.as_ref().unwrap().contains("no cell") && curve.done == 0, "{curve:?}");
 }
@@ -193,12 +194,12 @@ fn the_newest_pick_replaces_others_and_one_that_is_forgotten_shows_nothing() {
     let (series, log) = logged(10);
     let prober = silent();
     log.hang(true);
-    (0..20).for_each(|cell| prober.pick(series.clone(), cell, [0.25; 4]));
+    (0..20).for_each(|cell| prober.pick(series.clone(), cell, [0.25; 4], None));
     log.hang(false);
     assert_eq!(whole_curve(&prober).cell, 19);
     assert_eq!(log.decoded(), [0, 1, 2, 3, 4, 5, 6, 7, 8, 9], "those before were cancelled");
     log.hang(true);
-    prober.pick(series, 4, [0.25; 4]);
+    prober.pick(series, 4, [0.25; 4], None);
     wait_for("begin", || prober.curve().filter(|curve| curve.cell == 4 && curve.done == 0));
     prober.forget_pick();
     assert!(prober.curve().is_none());
@@ -210,7 +211,7 @@ fn a_curve_is_shown_while_it_grows() {
     log.take(Duration::from_millis(2));
     let (woken, wake) = counted();
     let prober = Prober::start(wake).unwrap();
-    prober.pick(series, 0, [0.25; 4]);
+    prober.pick(series, 0, [0.25; 4], None);
     let part = wait_for("part", || prober.curve().filter(|curve| curve.done > 0));
     assert!(part.done < 200 && !part.is_over, "{part:?}");
     for (step, &value) in part.values.iter().enumerate() {
@@ -228,8 +229,46 @@ fn the_threads_end_with_the_prober_whatever_they_are_at() {
     log.hang(true);
     let prober = silent();
     prober.hover(Some(at_middle(&series, 1)));
-    prober.pick(series.clone(), 0, [0.25; 4]);
+    prober.pick(series.clone(), 0, [0.25; 4], None);
     wait_for("begin", || prober.curve());
     drop(prober);
     wait_for("end", || (Arc::strong_count(&series) == 1).then_some(()));
+}
+
+#[test]
+fn with_flow_the_vector_is_linear_in_the_cell_and_in_time_at_the_point_and_over_the_series() {
+    let series = Arc::new(Series::open(crate::ui::desk::store(), None).unwrap());
+    let prober = silent();
+    let mut components = [0, 1, 2].map(|index| {
+        let field = format!("velocity:{index}").parse().unwrap();
+        let of = Series::open(crate::ui::desk::store(), Some(&field)).unwrap();
+        [1, 2].map(|step| {
+            let mut values = vec![0.0; of.scalar_count()];
+            assert!(of.decode_step(step, &mut values, &Cancel::new()).unwrap());
+            values
+        })
+    });
+    let flow = Layer::Flow(FlowLayer::new("velocity".to_owned(), FlowStyle { opacity: 0.0, ..FlowStyle::default() }));
+    let mut asked = at_middle(&series, FrameTime::between(1, 2, 0.25));
+    prober.hover(Some(asked.clone()));
+    assert_eq!(answer(&prober).vector, None);
+    asked.request.layers.push(flow);
+    prober.hover(Some(asked));
+    let hover = answer(&prober);
+    let point = hover.found.unwrap().unwrap();
+    let tet = series.mesh().topology.tets[point.cell as usize];
+    let at = |values: &[f32]| -> f64 { (0..4).map(|i| point.weights[i] * f64::from(values[tet[i] as usize])).sum() };
+    let expected = components.each_mut().map(|[a, b]| 0.75 * at(a) + 0.25 * at(b));
+    let vector = hover.vector.unwrap();
+    // A mixture of two steps is rounded to f32.
+    let slack = f64::from(f32::EPSILON) * DVec3::from(expected).length();
+    assert!((vector - DVec3::from(expected)).length() <= slack && slack > 0.0, "{vector} {expected:?}");
+    prober.pick(series.clone(), point.cell, point.weights, Some("velocity".to_owned()));
+    let of = whole_curve(&prober).vectors.clone().unwrap();
+    let expected = components.each_ref().map(|[a, _]| at(a) as f32);
+    let off = (DVec3::from(of.values[1].map(f64::from)) - DVec3::from(expected.map(f64::from))).length();
+    assert!(off <= slack && of.values.len() == 4 && of.values[0] != of.values[3], "{of:?} {expected:?}");
+    prober.pick(series, point.cell, point.weights, Some("wind".to_owned()));
+    let curve = whole_curve(&prober);
+    assert!(curve.problem.as_ref().unwrap().contains("'wind'") && curve.values[1].is_finite(), "{curve:?}");
 }

@@ -104,6 +104,7 @@ fn go_to(desk: &mut Desk, step: usize) {
 fn said(request: &FrameRequest) -> Keyed {
     Keyed {
         surfaces: Default::default(),
+        flow_opacity: None,
         colors: Some(Colors {
             table: request.tets().unwrap().table.clone(),
             formula: request.tets().unwrap().formula.clone(),

@@ -32,6 +32,8 @@ pub enum Track {
     IsoOpacity,
     /// The shift of the last cut along its normal.
     Cut,
+    /// The opacity of the flow.
+    Flow,
 }
 
 /// The value of a key.
@@ -96,7 +98,7 @@ impl Track {
             project.timeline.maps.iter().filter_map(|track| Self::of_map(project, track)).collect();
         let edited = edited.map(|(ensemble, member)| Self::Map { ensemble, member });
         maps.extend(edited.filter(|edited| !maps.contains(edited)));
-        let others = [Self::Cameras, Self::Lod, Self::Optics, Self::Isovalue, Self::IsoOpacity, Self::Cut];
+        let others = [Self::Cameras, Self::Lod, Self::Optics, Self::Isovalue, Self::IsoOpacity, Self::Cut, Self::Flow];
         std::iter::once(Self::Ensembles).chain(maps).chain(others).collect()
     }
 
@@ -131,6 +133,7 @@ impl Track {
             Self::Isovalue => "isovalue".to_owned(),
             Self::IsoOpacity => "iso opacity".to_owned(),
             Self::Cut => "cut".to_owned(),
+            Self::Flow => "flow opacity".to_owned(),
         }
     }
 
@@ -148,6 +151,7 @@ impl Track {
             Self::Isovalue => numbers(&timeline.isovalue),
             Self::IsoOpacity => numbers(&timeline.iso_opacity),
             Self::Cut => numbers(&timeline.cut),
+            Self::Flow => numbers(&timeline.flow),
         }
     }
 
@@ -166,6 +170,7 @@ impl Track {
             Self::Isovalue => number(&timeline.isovalue),
             Self::IsoOpacity => number(&timeline.iso_opacity),
             Self::Cut => number(&timeline.cut),
+            Self::Flow => number(&timeline.flow),
         }
     }
 
@@ -194,6 +199,7 @@ impl Track {
             Self::Isovalue => Edit::Isovalue(number(edit)?),
             Self::IsoOpacity => Edit::IsoOpacity(number(edit)?),
             Self::Cut => Edit::Cut(number(edit)?),
+            Self::Flow => Edit::Flow(number(edit)?),
         })
     }
 

@@ -1,10 +1,11 @@
 //! Keys of all tracks: the model, and what a session does with them.
 
 use super::*;
-use crate::look::EnsembleChoice;
+use crate::look::{EnsembleChoice, FlowLook};
 use crate::pipeline::{FrameTime, RenderMode, Series, Shown};
 use crate::playback::Command;
-use crate::project::{Data, Timeline};
+use crate::project::{Data, FlowSettings, Timeline};
+use crate::render::flow::FlowStyle;
 use crate::render::surfaces::{Cut, Isosurface};
 use crate::transfer::{ColorMap, Ensemble, Function, Member, TransferFunction};
 use crate::ui::Action;
@@ -14,7 +15,7 @@ use proptest::prelude::*;
 use std::path::Path;
 use std::sync::Arc;
 
-const ALL: [Track; 9] = [
+const ALL: [Track; 10] = [
     Track::Ensembles,
     Track::Map { ensemble: 0, member: 0 },
     Track::Map { ensemble: 1, member: 0 },
@@ -24,9 +25,10 @@ const ALL: [Track; 9] = [
     Track::Isovalue,
     Track::IsoOpacity,
     Track::Cut,
+    Track::Flow,
 ];
 
-/// Two ensembles, a surface and a cut, without keys.
+/// Two ensembles, a surface, a cut and flow, without keys.
 fn project() -> Project {
     let member = |map: &str| {
         let function = TransferFunction::ramp(ColorMap::built_in(map).unwrap().clone());
@@ -38,8 +40,13 @@ fn project() -> Project {
     project.ensembles = vec![ensemble("a", "gray"), ensemble("b", "viridis")];
     project.look.iso = vec!["-20".into()];
     project.look.cut = vec!["point=0,0,1 normal=0,0,1".into()];
+    project.flow = Some(FlowSettings::of(&flow()));
     project.check().unwrap();
     project
+}
+
+fn flow() -> FlowLook {
+    FlowLook::new("velocity".to_owned(), FlowStyle::default())
 }
 
 fn camera(x: f64) -> Camera {
@@ -202,6 +209,7 @@ fn desk() -> Desk {
     surfaces.shown = Shown::Both;
     surfaces.cuts = vec![Cut { point: [0.0, 0.0, 1.0], normal: [0.0, 0.0, 1.0], clips: false, by: None }];
     desk.act(Action::Surfaces(Box::new(surfaces)));
+    desk.act(Action::Flow(Some(Box::new(flow()))));
     desk.settle();
     desk
 }
@@ -327,7 +335,8 @@ fn a_cut_that_was_moved_off_the_timeline_becomes_a_key_and_the_other_keys_stay()
 fn keys_without_their_subject_are_refused_with_a_reason() {
     let series = Arc::new(Series::open(store(), None).unwrap());
     let mut desk = Desk::of(series, Path::new("."));
-    for (track, reason) in [(Track::Isovalue, "isosurface"), (Track::Cut, "cut")] {
+    for (track, reason) in [(Track::Isovalue, "isosurface"), (Track::Cut, "cut"), (Track::Flow, "show flow first (F)")]
+    {
         keys(&mut desk, KeyAction::Add(track));
         assert!(desk.session.notices().last().unwrap().text.contains(reason));
     }
@@ -419,8 +428,8 @@ fn whatever_the_user_does_to_keys_is_undone_step_by_step_and_done_again() {
     assert_eq!(Project::parse(&saved.to_toml().unwrap(), Path::new("p.toml")).unwrap(), saved);
     assert_eq!(saved.timeline, last.timeline);
     let count = desk.session.changes().0;
-    (0..count - 1).for_each(|_| desk.act(Action::Undo));
-    assert_eq!(desk.session.project(), &first, "the first change was that of the surfaces");
-    (0..count - 1).for_each(|_| desk.act(Action::Redo));
+    (0..count - 2).for_each(|_| desk.act(Action::Undo));
+    assert_eq!(desk.session.project(), &first, "the first changes were those of surfaces and flow");
+    (0..count - 2).for_each(|_| desk.act(Action::Redo));
     assert_eq!(desk.session.project(), &last);
 }

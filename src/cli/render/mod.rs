@@ -179,7 +179,7 @@ impl Args {
     /// Refuses impossible options, before the store is opened or anything is imported. Returns the ffmpeg of a movie.
     fn check(&self, project: Option<&Project>) -> anyhow::Result<Option<Ffmpeg>> {
         let options = self.run_options()?;
-        self.time.check()?;
+        self.time.check(self.scene.has_flow())?;
         self.scene.check_adapter()?;
         self.check_rays(project)?;
         self.upsampling(project)?;

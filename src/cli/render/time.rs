@@ -23,7 +23,7 @@ pub(super) struct TimeArgs {
     duration: Option<f64>,
     /// Hold the step of --steps for S seconds while its flow goes on (--flow-rate), as --duration does
     #[arg(long, value_name = "S", value_parser = parse_duration, allow_hyphen_values = true)]
-    #[arg(requires = "flow", conflicts_with_all = ["duration", "times"])]
+    #[arg(conflicts_with_all = ["duration", "times"])]
     flow_hold: Option<f64>,
     /// With --duration: between two steps, interpolate the scalars linearly in time
     #[arg(long)]
@@ -35,8 +35,11 @@ pub(super) struct TimeArgs {
 }
 
 impl TimeArgs {
-    /// Refuses to hold several steps.
-    pub(super) fn check(&self) -> anyhow::Result<()> {
+    /// Refuses to hold several steps, or one without flow.
+    pub(super) fn check(&self, has_flow: bool) -> anyhow::Result<()> {
+        if self.flow_hold.is_some() && !has_flow {
+            bail!("--flow-hold is about flow; name a field of vectors by --flow FIELD, or choose --duration");
+        }
         if self.flow_hold.is_some() && self.steps.last != Some(self.steps.first) {
             bail!("--flow-hold holds one step; choose it with --steps N");
         }

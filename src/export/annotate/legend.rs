@@ -5,6 +5,7 @@ use super::text::{self, CAPITAL_HEIGHT_EM};
 use super::ticks::{Ticks, ticks};
 use super::{Label, Sizes};
 use crate::image::RgbaImage;
+use crate::look::ColorBar;
 use crate::transfer::{ColorMap, MappedRange};
 
 /// Least height of a bar, in lines of text.
@@ -25,8 +26,32 @@ pub(super) struct Legend {
 }
 
 impl Legend {
+    /// Places the legends of bars one below the other between two rows; those that do not fit are left out, the last ones first.
+    pub(super) fn place_all(bars: &[ColorBar], sizes: &Sizes, top: f32, bottom: f32) -> Vec<Self> {
+        let place = |bars: &[ColorBar]| -> Option<Vec<Self>> {
+            let part = (bottom - top) / bars.len() as f32;
+            let place = |(i, bar): (usize, &ColorBar)| {
+                let (above, below) = (i as f32 * part, (bars.len() - 1 - i) as f32 * part);
+                Self::place(&bar.title, &bar.range, sizes, top + above, bottom - below)
+            };
+            bars.iter().enumerate().map(place).collect()
+        };
+        let mut placed = (1..=bars.len()).rev().find_map(|count| place(&bars[..count])).unwrap_or_default();
+        let left = placed.iter().map(|legend| legend.bar.left).min().unwrap_or_default();
+        placed.iter_mut().for_each(|legend| legend.move_to(left));
+        placed
+    }
+
+    /// Moves the legend to the left.
+    fn move_to(&mut self, left: i64) {
+        let by = left - self.bar.left;
+        self.bar.left += by;
+        self.bar.right += by;
+        self.labels.iter_mut().for_each(|label| label.x += by);
+    }
+
     /// Places the legend between rows `top` and `bottom`; `None` if it does not fit.
-    pub(super) fn place(title: &str, range: &MappedRange, sizes: &Sizes, top: f32, bottom: f32) -> Option<Self> {
+    fn place(title: &str, range: &MappedRange, sizes: &Sizes, top: f32, bottom: f32) -> Option<Self> {
         let size_px = sizes.text_px;
         let found = ticks(range);
         let widest = found.ticks.iter().map(|t| text::width_px(&t.label, size_px)).fold(0.0, f32::max);

@@ -5,7 +5,7 @@
 //! movie or EXR, has the same annotations. Depth is unchanged.
 //!
 //! Text is 1/36 of the image's height (of three quarters of its width, if that is less) and at least 11 pixels. Parts that do not fit at
-//! that size are left out: the legend first (if fewer than four lines of text are left for the bar, or its numbers need more than 2/5 of
+//! that size are left out: the legend first (its last bars before the others; if fewer than four lines of text are left for the bar, or its numbers need more than 2/5 of
 //! the width), then the title (if it and the time do not fit one above the other, or a few letters side by side), the time last. Texts
 //! other than numbers are shortened with an ellipsis.
 
@@ -16,7 +16,7 @@ pub(crate) mod ticks;
 mod time;
 
 use crate::image::RgbaImage;
-use crate::transfer::{ColorMap, MappedRange};
+use crate::look::ColorBar;
 use canvas::Ink;
 use legend::Legend;
 use std::fmt;
@@ -31,7 +31,7 @@ use time::{PREFIX, TimeFormat};
 pub struct Annotations {
     /// Whether to draw the time, bottom left.
     pub time: bool,
-    /// Whether to draw the colour bar with field and unit, right.
+    /// Whether to draw the colour bars with field and unit, right.
     pub legend: bool,
     /// The title, top centre.
     pub title: Option<Title>,
@@ -104,31 +104,18 @@ pub struct AboutSeries<'a> {
     pub dataset: &'a str,
     /// Name of the field.
     pub field: &'a str,
-    /// Unit of the field, if known.
-    pub units: Option<&'a str>,
     /// Times of all steps, increasing.
     pub times: &'a [f64],
     /// Unit of times, if known.
     pub time_units: Option<&'a str>,
 }
 
-/// The colours of a frame: its colour map, opaque, and the range that it covers.
-///
-/// A [`NodeTable`](crate::node_table::NodeTable) has no colours where it is transparent.
-#[derive(Clone, Copy, Debug)]
-pub struct ColorScale<'a> {
-    /// Colour map over 0..=1.
-    pub map: &'a ColorMap,
-    /// Range of the scalars at 0..=1.
-    pub range: MappedRange,
-}
-
 /// Draws the annotations of a series.
 #[derive(Clone, Debug)]
 pub struct Annotator {
     time: Option<TimeFormat>,
-    /// Title of the bar.
-    legend: Option<String>,
+    /// Whether to draw the colour bars.
+    legend: bool,
     title: Option<String>,
     ink: Ink,
 }
@@ -136,34 +123,30 @@ pub struct Annotator {
 impl Annotator {
     /// An annotator for frames over `background` (display-referred; `None` if they stay transparent).
     pub fn new(annotations: &Annotations, about: &AboutSeries<'_>, background: Option<[f32; 3]>) -> Self {
-        let field = match about.units.filter(|units| !units.is_empty()) {
-            Some(units) => format!("{} [{units}]", about.field),
-            None => about.field.to_owned(),
-        };
         let title = annotations.title.as_ref().map(|title| match title {
             Title::FieldAndDataset => format!("{}, {}", about.field, about.dataset),
             Title::Text(text) => text.clone(),
         });
         Self {
             time: annotations.time.then(|| TimeFormat::new(about.times, about.time_units)),
-            legend: annotations.legend.then_some(field),
+            legend: annotations.legend,
             title,
             ink: Ink::over(background),
         }
     }
 
     /// Draws over an image of raw accumulators. Pixels outside of letters, lines and halos are unchanged, bit for bit.
-    pub fn draw(&self, image: &mut RgbaImage, time: f64, colors: &ColorScale<'_>) {
+    pub fn draw(&self, image: &mut RgbaImage, time: f64, bars: &[ColorBar]) {
         let sizes = Sizes::of(image.width, image.height);
-        let layout = self.layout(&sizes, time, colors);
-        if let Some(legend) = &layout.legend {
-            legend.draw(image, colors.map, self.ink, &sizes);
+        let layout = self.layout(&sizes, time, bars);
+        for (legend, bar) in layout.legends.iter().zip(bars) {
+            legend.draw(image, &bar.map, self.ink, &sizes);
         }
         layout.labels.iter().for_each(|label| label.draw(image, self.ink, &sizes));
     }
 
     /// The layout of all parts that fit.
-    fn layout(&self, sizes: &Sizes, time: f64, colors: &ColorScale<'_>) -> Layout {
+    fn layout(&self, sizes: &Sizes, time: f64, bars: &[ColorBar]) -> Layout {
         let mut layout = Layout::default();
         let (mut top, mut bottom) = (sizes.margin_px, sizes.height_px - sizes.margin_px);
         if let Some(format) = &self.time
@@ -183,10 +166,10 @@ impl Annotator {
             layout.labels.push(Label { text, x, baseline, size_px: title_px });
             top += 1.25 * sizes.line_px + sizes.margin_px;
         }
-        if let Some(title) = &self.legend {
+        if self.legend {
             // Centred vertically, and no higher than needed.
             let (top, bottom) = (top.max(0.12 * sizes.height_px), bottom.min(0.88 * sizes.height_px));
-            layout.legend = Legend::place(title, &colors.range, sizes, top, bottom);
+            layout.legends = Legend::place_all(bars, sizes, top, bottom);
         }
         layout
     }
@@ -212,7 +195,8 @@ fn time_labels(format: &TimeFormat, sizes: &Sizes, time: f64) -> Option<[Label; 
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Layout {
     labels: Vec<Label>,
-    legend: Option<Legend>,
+    /// Those of the first bars.
+    legends: Vec<Legend>,
 }
 
 /// A line of text and its pen position.

@@ -1,23 +1,23 @@
 use super::*;
-use crate::transfer::{Lengths, OpacityKind, TransferFunction, build_node_table};
+use crate::transfer::{ColorMap, Lengths, MappedRange, OpacityKind, TransferFunction, build_node_table};
 use std::collections::HashSet;
 
 const TIMES: [f64; 4] = [-0.5, 0.0, 9.5, 100.0];
 
 fn about() -> AboutSeries<'static> {
-    AboutSeries { dataset: "jet", field: "T", units: Some("K"), times: &TIMES, time_units: None }
+    AboutSeries { dataset: "jet", field: "T", times: &TIMES, time_units: None }
 }
 
 fn everything(background: Option<[f32; 3]>) -> Annotator {
     Annotator::new(&"time,legend,title".parse().unwrap(), &about(), background)
 }
 
-fn scale(range: MappedRange) -> ColorScale<'static> {
-    ColorScale { map: ColorMap::built_in("viridis").unwrap(), range }
+fn bar(range: MappedRange) -> ColorBar {
+    ColorBar { title: "T [K]".to_owned(), map: ColorMap::built_in("viridis").unwrap().clone(), range }
 }
 
-fn unit_scale() -> ColorScale<'static> {
-    scale(MappedRange::new(0.0, 1.0, false).unwrap())
+fn unit_bar() -> ColorBar {
+    bar(MappedRange::new(0.0, 1.0, false).unwrap())
 }
 
 /// An image whose pixels all differ, some of them more than opaque by rounding.
@@ -57,7 +57,7 @@ fn the_flag_refuses_what_it_does_not_know() {
 #[test]
 fn nothing_asked_for_is_nothing_drawn() {
     let mut image = gradient(200, 150);
-    Annotator::new(&Annotations::default(), &about(), None).draw(&mut image, 0.0, &unit_scale());
+    Annotator::new(&Annotations::default(), &about(), None).draw(&mut image, 0.0, &[unit_bar()]);
     assert_eq!(image, gradient(200, 150));
 }
 
@@ -66,11 +66,11 @@ fn the_bar_has_the_colours_of_the_map_and_of_the_table_where_its_ticks_are() {
     let map = ColorMap::built_in("viridis").unwrap();
     for range in [MappedRange::new(-3.0, 5.0, false).unwrap(), MappedRange::new(1e-6, 2.0, true).unwrap()] {
         let sizes = Sizes::of(1024, 768);
-        let colors = scale(range);
+        let bars = [bar(range)];
         let annotator = everything(None);
         let mut image = gradient(1024, 768);
-        annotator.draw(&mut image, 0.0, &colors);
-        let legend = annotator.layout(&sizes, 0.0, &colors).legend.unwrap();
+        annotator.draw(&mut image, 0.0, &bars);
+        let legend = annotator.layout(&sizes, 0.0, &bars).legends.remove(0);
         let tf = TransferFunction::parse("viridis@0:0.1,1:0.9").unwrap();
         let table = build_node_table(&tf, &range, OpacityKind::Alpha, &Lengths::of_unit_distance(1.0)).unwrap();
         let found = ticks::ticks(&range);
@@ -96,13 +96,35 @@ fn the_bar_has_the_colours_of_the_map_and_of_the_table_where_its_ticks_are() {
 }
 
 #[test]
+fn a_second_bar_is_below_the_first_one_or_left_out() {
+    let annotator = everything(None);
+    let gray = ColorBar {
+        title: "a long name of a speed [m/s]".to_owned(),
+        map: ColorMap::built_in("gray").unwrap().clone(),
+        range: MappedRange::new(-1000.0, 2000.0, false).unwrap(),
+    };
+    let bars = [unit_bar(), gray];
+    let legends = |height: usize| annotator.layout(&Sizes::of(1024, height), 0.0, &bars).legends;
+    let [first, second] = &legends(768)[..] else { panic!("both have room") };
+    assert!(first.bar.bottom < second.bar.top && first.bar.left == second.bar.left);
+    assert!(second.labels.iter().all(|label| label.baseline > first.bar.bottom));
+    let mut image = gradient(1024, 768);
+    annotator.draw(&mut image, 0.0, &bars);
+    let middle = (second.bar.top + second.bar.bottom) / 2;
+    let [r, g, b, _] = image.pixels[middle as usize * 1024 + second.bar.left as usize + 3];
+    assert!(r == g && g == b && (r - 0.5).abs() < 0.1, "{r}");
+    // Alone, the first one is as if there were no other.
+    assert_eq!(legends(240), annotator.layout(&Sizes::of(1024, 240), 0.0, &bars[..1]).legends);
+}
+
+#[test]
 fn pixels_outside_of_the_annotations_keep_every_bit() {
     let (width, height) = (640, 480);
     let sizes = Sizes::of(width, height);
     let annotator = everything(Some([0.0; 3]));
-    let layout = annotator.layout(&sizes, 9.5, &unit_scale());
+    let layout = annotator.layout(&sizes, 9.5, &[unit_bar()]);
     let reach = sizes.halo_px.ceil() as i64 + sizes.stroke_px;
-    let legend = layout.legend.clone().unwrap();
+    let legend = layout.legends[0].clone();
     // The box that the letters of a label may reach: one line high.
     let box_of = |label: &Label| {
         let size = label.size_px.ceil() as i64;
@@ -113,7 +135,7 @@ fn pixels_outside_of_the_annotations_keep_every_bit() {
     let bar = legend.bar.grown(reach + sizes.text_px as i64 / 2);
     boxes.push((bar.left, bar.top, bar.right, bar.bottom));
     let (before, mut after) = (gradient(width, height), gradient(width, height));
-    annotator.draw(&mut after, 9.5, &unit_scale());
+    annotator.draw(&mut after, 9.5, &[unit_bar()]);
     let mut changed = 0;
     for (i, (a, b)) in before.pixels.iter().zip(&after.pixels).enumerate() {
         let (x, y) = ((i % width) as i64, (i / width) as i64);
@@ -131,7 +153,7 @@ fn the_time_stays_in_its_place_over_the_series() {
     let sizes = Sizes::of(800, 600);
     let places: HashSet<(i64, i64, i64)> = TIMES
         .map(|t| {
-            let labels = annotator.layout(&sizes, t, &unit_scale()).labels;
+            let labels = annotator.layout(&sizes, t, &[unit_bar()]).labels;
             // Right ends are compared after rounding, since pens start on whole pixels.
             let end = labels[1].x as f32 + text::width_px(&labels[1].text, sizes.text_px);
             (labels[0].x, end.round() as i64, labels[2].x)
@@ -148,10 +170,10 @@ fn the_time_stays_in_its_place_over_the_series() {
 fn parts_that_do_not_fit_are_left_out_legend_first_and_time_last() {
     let annotator = everything(None);
     let parts = |width, height| {
-        let layout = annotator.layout(&Sizes::of(width, height), 0.0, &unit_scale());
+        let layout = annotator.layout(&Sizes::of(width, height), 0.0, &[unit_bar()]);
         let has_time = layout.labels.iter().any(|l| l.text == PREFIX);
         let has_title = layout.labels.iter().any(|l| l.size_px > 11.0 && l.text.starts_with('T'));
-        (has_time, has_title, layout.legend.is_some())
+        (has_time, has_title, !layout.legends.is_empty())
     };
     assert_eq!(parts(320, 240), (true, true, true));
     assert_eq!(parts(320, 120), (true, true, false));
@@ -166,7 +188,6 @@ fn any_range_text_and_size_can_be_drawn() {
     let strange = AboutSeries {
         dataset: "\u{1F600}\n漢字",
         field: "∂T/∂t · ρ (µ°²)",
-        units: Some("kg·m⁻³"),
         times: &[1e-300, 1e300],
         time_units: Some("\u{0}"),
     };
@@ -177,7 +198,8 @@ fn any_range_text_and_size_can_be_drawn() {
             let mut image = gradient(width, height);
             let range = MappedRange::new(lo, hi, false).unwrap();
             for time in [1e-300, 1e300, -1.0, f64::NAN] {
-                annotator.draw(&mut image, time, &scale(range));
+                let title = "∂T/∂t · ρ (µ°²) [kg·m⁻³]".to_owned();
+                annotator.draw(&mut image, time, &[ColorBar { title, ..bar(range) }, bar(range)]);
             }
             assert_eq!(image.first_not_finite(), None);
         }

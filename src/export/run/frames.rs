@@ -4,15 +4,15 @@ use super::plan::{Held, Plan, PlannedFrame};
 use super::resume::{self, Fingerprints, Found};
 use super::sink::Sink;
 use super::{FrameRecord, Origin, Run, RunError, attributes_of};
-use crate::export::annotate::{Annotator, ColorScale};
+use crate::export::annotate::Annotator;
 use crate::export::still::{FrameAttributes, OutputFrame};
 use crate::files;
 use crate::image::RgbaImage;
+use crate::look::ColorBar;
 use crate::pipeline::{FrameRequest, Pipeline, Pipelined, SharedFrame};
 use crate::scene::Scene;
 use crate::stats::FrameStats;
 use crate::task::{Cancel, Progress};
-use crate::transfer::{ColorMap, MappedRange};
 use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -109,7 +109,7 @@ impl Job<'_> {
             let record = pending.record(&self.run.plan, empty, stats);
             if let (Some(frame), true) = (&held, pending.origin != Origin::Kept) {
                 let mut output = OutputFrame { planes: frame.planes.clone(), attributes: pending.attributes };
-                annotate(&mut output.planes.color, self.run.annotator.as_ref(), record.time, pending.scale);
+                annotate(&mut output.planes.color, self.run.annotator.as_ref(), record.time, &pending.bars);
                 sink.send(output, &pending.file, scene.cancel())?;
             }
             records.push(record);
@@ -130,7 +130,7 @@ impl Job<'_> {
         let request = request_for(scene, planned)?;
         let file = self.run.output.path(index);
         let mut attributes = attributes_of(scene, &request, index);
-        let scale = scene.color_scale();
+        let bars = scene.color_bars();
         let series = scene.pipeline.series();
         let fingerprint = |f: &Fingerprints| f.of(planned, &request, &attributes, series, scene.cancel());
         let fingerprint = self.fingerprints.as_ref().map(fingerprint).transpose()?;
@@ -154,7 +154,7 @@ impl Job<'_> {
             pipelined.push(request.clone()).ok_or(RunError::Full)?;
         }
         let replaces_older = found == Found::Older;
-        Ok((Pending { attributes, scale, file, origin, replaces_older }, request))
+        Ok((Pending { attributes, bars, file, origin, replaces_older }, request))
     }
 }
 
@@ -167,8 +167,8 @@ const EXPECTED: usize = 256;
 /// A frame on its way to its file.
 struct Pending {
     attributes: FrameAttributes,
-    /// Colour map and range for its annotations.
-    scale: Option<(ColorMap, MappedRange)>,
+    /// The colours for its annotations.
+    bars: Vec<ColorBar>,
     file: PathBuf,
     origin: Origin,
     /// Whether its file has a frame of an older version.
@@ -211,9 +211,9 @@ fn check(cancel: &Cancel) -> Result<(), RunError> {
 }
 
 /// Draws annotations over a frame of this time.
-fn annotate(image: &mut RgbaImage, annotator: Option<&Annotator>, time: f64, scale: Option<(ColorMap, MappedRange)>) {
-    if let (Some(annotator), Some((map, range))) = (annotator, scale) {
-        annotator.draw(image, time, &ColorScale { map: &map, range });
+fn annotate(image: &mut RgbaImage, annotator: Option<&Annotator>, time: f64, bars: &[ColorBar]) {
+    if let Some(annotator) = annotator.filter(|_| !bars.is_empty()) {
+        annotator.draw(image, time, bars);
     }
 }
 
@@ -229,7 +229,7 @@ pub fn picture(
     let request = request_for(scene, planned)?;
     let cancel = scene.cancel().clone();
     let mut image = scene.pipeline.render_unless(&request, &cancel)?.planes.color.clone();
-    annotate(&mut image, annotator, request.time.time(scene.pipeline.times()), scene.color_scale());
+    annotate(&mut image, annotator, request.time.time(scene.pipeline.times()), &scene.color_bars());
     Ok(image)
 }
 

@@ -152,13 +152,8 @@ impl RunOptions {
     /// The annotations over frames of a scene; `None` if nothing is drawn.
     pub fn annotator(&self, scene: &Scene, dataset: &str) -> Option<Annotator> {
         let field = scene.pipeline.field();
-        let about = AboutSeries {
-            dataset,
-            field: &field.name,
-            units: field.units.as_deref(),
-            times: &scene.pipeline.times().values,
-            time_units: None,
-        };
+        let about =
+            AboutSeries { dataset, field: &field.name, times: &scene.pipeline.times().values, time_units: None };
         let background = match self.target {
             Target::Movie(..) => Some(self.background.color().unwrap_or_default()),
             Target::Images(_) => self.background.color(),

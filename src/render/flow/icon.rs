@@ -33,7 +33,7 @@ words!(Icon, "there is no icon", ["strokes" = Strokes, "lines" = Lines, "particl
 
 impl Icon {
     /// The texels, 0 to 1, of mean [`MEAN`]: rows across, in each the texels along.
-    pub(in crate::render) fn texels(self) -> Vec<[f64; TEXELS]> {
+    pub(crate) fn texels(self) -> Vec<[f64; TEXELS]> {
         let at = |i: usize| (i as f64 + 0.5) / TEXELS as f64;
         let raw: Vec<[f64; TEXELS]> =
             (0..TEXELS).map(|row| std::array::from_fn(|column| self.raw(at(column), at(row)))).collect();

@@ -7,7 +7,7 @@ use crate::files;
 use crate::look::{EnsembleChoice, Followed};
 use crate::pipeline::FrameTime;
 use crate::playback::{Command, Loop, Mode, State, StepRange};
-use crate::project::{Data, Edit, Project, Timeline, is_project};
+use crate::project::{Data, Edit, FlowSettings, Project, Timeline, is_project};
 use crate::transfer::{
     ColorMap, ColorMapEntry, Function, Member, OpacityValues, PositionKind, TransferError, TransferFunction,
     color_maps_to_json,
@@ -176,6 +176,7 @@ impl Session {
                 self.leave(|followed| followed.surfaces = false);
             }
             Action::Flow(flow) => self.set_flow(flow.map(|flow| *flow)),
+            Action::FlowOpacity(opacity) => self.set_flow_opacity(opacity),
             Action::FlowColors(by) => self.color_flow(by),
             Action::ToggleFlow => self.toggle_flow(),
             Action::NextIcon => self.next_icon(),
@@ -368,12 +369,15 @@ impl Session {
         // A source beside the file, or below, may move with it.
         let source = self.source.strip_prefix(folder).unwrap_or(&self.source).to_owned();
         let beside = |path: PathBuf| path.strip_prefix(folder).map(Path::to_owned).unwrap_or(path);
-        let look = self.look_settings(&project, false).with_paths(beside);
-        Project { data: Data { source, ..project.data }, look, playback: self.state().settings, ..project }
+        let look = self.look_settings(&project, false);
+        // That which is hidden is kept if the timeline has keys of it.
+        let hidden = project.flow.filter(|_| !project.timeline.flow.keys().is_empty());
+        let flow = self.look.flow.as_ref().map(|flow| FlowSettings::of(flow).with_paths(beside)).or(hidden);
+        Project { data: Data { source, ..project.data }, look, flow, playback: self.state().settings, ..project }
     }
 
     /// Stops following some settings of the project, if it has a timeline.
-    fn leave(&mut self, change: impl FnOnce(&mut Followed)) {
+    pub(super) fn leave(&mut self, change: impl FnOnce(&mut Followed)) {
         if self.project().timeline != Timeline::default() {
             change(&mut self.look.followed);
         }

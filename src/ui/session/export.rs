@@ -190,6 +190,7 @@ fn leave_out(timeline: &mut Timeline, look: &Look) -> Vec<&'static str> {
         ("optics", clear(&mut timeline.optics, !followed.optics)),
         ("isovalues", clear(&mut timeline.isovalue, has_no_surfaces)),
         ("opacities of surfaces", clear(&mut timeline.iso_opacity, has_no_surfaces)),
+        ("opacities of flow", clear(&mut timeline.flow, !followed.flow || look.flow.is_none())),
         ("positions of cuts", clear(&mut timeline.cut, !followed.surfaces)),
     ];
     left.into_iter().filter_map(|(name, is_left)| is_left.then_some(name)).collect()

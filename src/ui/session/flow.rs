@@ -1,8 +1,8 @@
 //! Flow in a session: switched on and off, coloured, and going on while a step is held.
 
 use super::Session;
-use crate::look::{BesideError, FlowLook, colors_beside};
-use crate::pipeline::{ColorsBeside, FlowMeasure, FrameRequest, FrameTime, Layer, vector_fields};
+use crate::look::{BesideError, ColorBar, FlowLook, colors_beside};
+use crate::pipeline::{ColorsBeside, FlowLayer, FlowMeasure, FrameRequest, FrameTime, Layer, vector_fields};
 use crate::playback::State;
 use crate::render::flow::{FlowStyle, Icon};
 use crate::render::surfaces::ByField;
@@ -46,6 +46,13 @@ impl Session {
         flow.rate.or_else(|| Some(self.flow_measure()?.rate(&flow.layer.style, Self::NOMINAL_FPS)))
     }
 
+    /// What the colours of the flow mean; `None` if no field colours it.
+    pub fn flow_bar(&self) -> Option<ColorBar> {
+        let flow = self.look.flow.as_ref()?;
+        let name = &flow.layer.colors.as_ref()?.field;
+        flow.color_bar(self.store.fields().iter().find(|field| field.name == *name)?)
+    }
+
     /// Whether a step is held while its flow goes on. Beside another view with which it is compared it stands still.
     pub(super) fn drifts(&self, state: &State) -> bool {
         !state.playing && !self.shared.is_compared && self.flow_rate().is_some_and(|rate| rate > 0.0)
@@ -68,7 +75,9 @@ impl Session {
     /// Lets the flow of a held step go on once its last frame is there. Returns after how long it goes on at the latest.
     pub(super) fn drift(&mut self, now: Duration, state: &State) -> Option<Duration> {
         self.measure_flow();
-        let shown = self.shown.as_ref().map(|shown| shown.request.time);
+        let is_seen =
+            |request: &FrameRequest| request.layers.iter().any(|of| of.flow().is_some_and(FlowLayer::is_seen));
+        let shown = self.shown.as_ref().filter(|shown| is_seen(&shown.request)).map(|shown| shown.request.time);
         let moment = shown.filter(|shown| state.frame == Some(*shown) && self.drifts(state));
         let Some((moment, rate)) = moment.zip(self.flow_rate()) else {
             self.stop_drift();
@@ -155,6 +164,14 @@ impl Session {
             Some(flow) => self.set_flow(Some(flow)),
             None => self
                 .fail("the series has no vectors in cells or at their vertices whose flow could be shown".to_owned()),
+        }
+    }
+
+    /// Shows the flow with an opacity, at all times; does nothing without flow.
+    pub(super) fn set_flow_opacity(&mut self, opacity: f64) {
+        if let Some(flow) = self.look.flow.as_mut().filter(|_| !opacity.is_nan()) {
+            flow.layer.style.opacity = opacity.clamp(0.0, 1.0);
+            self.leave(|followed| followed.flow = false);
         }
     }
 

@@ -4,7 +4,7 @@ use super::Session;
 use crate::look::{EnsembleChoice, Look};
 use crate::pipeline::Shown;
 use crate::playback::Command;
-use crate::project::{Edit, LookSettings, Project, ProjectError, TrackEdit};
+use crate::project::{Edit, FlowSettings, LookSettings, Project, ProjectError, TrackEdit};
 use crate::render::surfaces::{Cut, CutText};
 use crate::timeline::{Key, Transition};
 use crate::ui::tracks::{KeyAction, KeyValue, Track, TrackKey};
@@ -63,6 +63,10 @@ impl Session {
             Track::Cut => {
                 let cut = look.surfaces.cuts.last().ok_or("show a cut first")?;
                 keyed(followed.surfaces).unwrap_or(KeyValue::Number(shift_from(self.unmoved_cut(), cut)))
+            }
+            Track::Flow => {
+                let flow = look.flow.as_ref().ok_or("show flow first (F)")?;
+                keyed(followed.flow).unwrap_or(KeyValue::Number(flow.layer.style.opacity))
             }
         })
     }
@@ -131,17 +135,19 @@ impl Session {
         }
     }
 
-    /// Inserts a key at the moment shown, and selects it. What the project says of surfaces and renderer becomes what is shown, if the
-    /// track's keys are about that.
+    /// Inserts a key at the moment shown, and selects it. What the project says of surfaces, flow and renderer becomes what is shown,
+    /// if the track's keys are about that.
     fn insert_here(&mut self, track: Track, transition: Transition, value: KeyValue) {
         let Some(time) = self.moment() else { return };
         if track == Track::Cut {
             self.put_cut_back();
         }
         let mut project = Project::clone(self.project());
-        let look = self.settings_for(track, &project);
+        let look = Edit::SetLook(Box::new(self.settings_for(track, &project)));
         let Some(edit) = track.insert(&project, Key { time, transition, value }) else { return };
-        match Edit::SetLook(Box::new(look)).apply(&mut project).and_then(|()| edit.apply(&mut project)) {
+        let flow = self.look.flow.as_ref().filter(|_| track == Track::Flow);
+        let flow = flow.map(|flow| Edit::SetFlow(Some(Box::new(FlowSettings::of(flow)))));
+        match [Some(look), flow, Some(edit)].into_iter().flatten().try_for_each(|edit| edit.apply(&mut project)) {
             Ok(()) => {
                 let index = track.keys(&project).iter().position(|key| key.time == time);
                 self.keys.selected = index.map(|index| (track, index));
@@ -164,7 +170,7 @@ impl Session {
             Track::Isovalue | Track::IsoOpacity => LookSettings { iso: shown.iso, ..known },
             Track::Cut => LookSettings { cut: shown.cut, ..known },
             Track::Lod | Track::Optics => LookSettings { mode: shown.mode, lod: shown.lod, ..known },
-            Track::Ensembles | Track::Map { .. } | Track::Cameras => known,
+            Track::Ensembles | Track::Map { .. } | Track::Cameras | Track::Flow => known,
         }
     }
 
@@ -198,6 +204,7 @@ impl Session {
             Track::Map { .. } => {}
             Track::Cameras => followed.camera = true,
             Track::Lod => followed.lod = true,
+            Track::Flow => followed.flow = true,
             Track::Optics => followed.optics = true,
             Track::Isovalue | Track::IsoOpacity | Track::Cut => followed.surfaces = true,
         }

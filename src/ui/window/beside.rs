@@ -162,7 +162,7 @@ pub(super) fn show_difference(
         let span = shown.map(|shown| shown.difference.span).filter(|_| overlays.legend);
         if let Some(range) = span.and_then(|span| MappedRange::new(-span, span, false).ok()) {
             let share = |position: f64| 2.0 * position - 1.0;
-            overlay::color_bar(ui, rect, behind, &range, "difference", |position| color(share(position)));
+            overlay::color_bar(ui, rect, (0, 1), behind, &range, "difference", |position| color(share(position)));
         }
         viewport::mouse(ui, &response, rect, actions);
     }

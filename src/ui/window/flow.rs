@@ -6,12 +6,19 @@ use crate::look::FlowLook;
 use crate::pipeline::vector_fields;
 use crate::render::flow::{FlowStyle, Icon};
 use crate::render::surfaces::ByField;
+use crate::ui::tracks::{KeyValue, Track};
 use crate::ui::{Action, Session};
 use eframe::egui;
-use egui::{DragValue, Slider, Ui};
+use egui::{
+    Button, Color32, ColorImage, DragValue, Id, Image, Role, Slider, TextureHandle, TextureOptions, Ui, WidgetInfo,
+    vec2,
+};
 
 /// Colour map of a field that is chosen here.
 const MAP: &str = "viridis";
+
+/// Side of the picture of an icon.
+const PICTURE: f32 = 40.0;
 
 /// Shows this part of the side panel.
 pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
@@ -31,7 +38,7 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     let Some(before) = flow else { return };
     let mut flow = before.clone();
     pattern(ui, session, &mut flow);
-    splats(ui, session, &mut flow.layer.style);
+    splats(ui, session, &mut flow.layer.style, actions);
     if flow != *before {
         actions.push(Action::Flow(Some(Box::new(flow))));
     }
@@ -40,8 +47,8 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
 
 /// The icon, its length and its rate.
 fn pattern(ui: &mut Ui, session: &Session, flow: &mut FlowLook) {
-    icon(ui, flow);
     let measure = session.flow_measure();
+    icons(ui, flow);
     ui.horizontal(|ui| {
         let before = flow.layer.style.length.or(measure.map(|of| of.period(&flow.layer.style))).unwrap_or_default();
         let mut length = before;
@@ -70,19 +77,45 @@ fn pattern(ui: &mut Ui, session: &Session, flow: &mut FlowLook) {
     });
 }
 
-/// The icon: a generated one, or what the options or the project name.
-fn icon(ui: &mut Ui, flow: &mut FlowLook) {
+/// The icons, as pictures, and what the options or the project name in place of one.
+fn icons(ui: &mut Ui, flow: &mut FlowLook) {
     let named = flow.icons.as_ref().map(ToString::to_string);
     let shown = named.is_none().then_some(flow.layer.style.icon);
-    let mut icons: Vec<(Option<Icon>, &str)> = Icon::ALL.iter().map(|&icon| (Some(icon), icon.as_str())).collect();
-    icons.extend(named.as_deref().map(|name| (None, name)));
-    if let Some(Some(icon)) = chosen(ui, "Icon (G)", shown, &icons) {
-        flow.set_icon(icon);
+    ui.horizontal(|ui| {
+        for icon in Icon::ALL {
+            let picture = Image::from_texture(&picture(ui, icon)).fit_to_exact_size(vec2(PICTURE, PICTURE));
+            let is_shown = shown == Some(icon);
+            let response = ui.add(Button::selectable(is_shown, picture));
+            let name = format!("Icon of {icon}");
+            response.widget_info(|| WidgetInfo::selected(Role::Button, true, is_shown, &name));
+            if response.on_hover_text(name).clicked() {
+                flow.set_icon(icon);
+            }
+        }
+        ui.label("Icon (G)");
+    });
+    if let Some(named) = named {
+        ui.label(named);
     }
 }
 
+/// The picture of an icon, made when it is shown first.
+fn picture(ui: &Ui, icon: Icon) -> TextureHandle {
+    let id = Id::new(("picture of an icon", icon));
+    if let Some(known) = ui.data(|data| data.get_temp(id)) {
+        return known;
+    }
+    let rows = icon.texels();
+    let side = rows.len();
+    let ink = |texel: f64| Color32::from_gray((255.0 * texel).round() as u8);
+    let pixels = rows.into_iter().flatten().map(ink).collect();
+    let made = ui.ctx().load_texture("icon", ColorImage::new([side, side], pixels), TextureOptions::LINEAR);
+    ui.data_mut(|data| data.insert_temp(id, made.clone()));
+    made
+}
+
 /// Number, size and opacity of splats.
-fn splats(ui: &mut Ui, session: &Session, style: &mut FlowStyle) {
+fn splats(ui: &mut Ui, session: &Session, style: &mut FlowStyle, actions: &mut Vec<Action>) {
     let vertices = session.series().mesh().positions.local.len().try_into().unwrap_or(u32::MAX);
     let mut count = style.splats.unwrap_or(vertices).min(vertices);
     let slider = Slider::new(&mut count, 1..=vertices.max(1)).logarithmic(true);
@@ -95,10 +128,13 @@ fn splats(ui: &mut Ui, session: &Session, style: &mut FlowStyle) {
         let value = value.speed(0.01).max_decimals(2);
         number(ui, value.prefix("x "), "Size of splats, in edges of the cells around");
         ui.label("size");
-        let mut percent = 100.0 * style.opacity;
+        // That of the timeline, until another is chosen.
+        let shown = session.value_shown(Track::Flow);
+        let opacity = if let Ok(KeyValue::Number(opacity)) = shown { opacity } else { style.opacity };
+        let mut percent = 100.0 * opacity;
         let value = DragValue::new(&mut percent).range(0.0..=100.0).speed(0.5).max_decimals(0).suffix(" %");
         if number(ui, value, "Opacity of the flow").changed() {
-            style.opacity = (0.01 * percent).clamp(0.0, 1.0);
+            actions.push(Action::FlowOpacity(0.01 * percent));
         }
         ui.label("opacity");
     });

@@ -88,11 +88,11 @@ fn value(ui: &mut Ui, session: &Session, track: Track, before: &KeyValue, act: &
 
 /// A box for the number of a key; returns another number.
 fn number_box(ui: &mut Ui, session: &Session, track: Track, before: f64, name: &str) -> Option<f64> {
-    let is_share = matches!(track, Track::Lod | Track::IsoOpacity);
+    let is_share = matches!(track, Track::Lod | Track::IsoOpacity | Track::Flow);
     let mut shown = if is_share { 100.0 * before } else { before };
     let value = DragValue::new(&mut shown);
     let value = match track {
-        Track::Lod | Track::IsoOpacity => value.range(0.0..=100.0).speed(0.5).max_decimals(1).suffix(" %"),
+        _ if is_share => value.range(0.0..=100.0).speed(0.5).max_decimals(1).suffix(" %"),
         Track::Isovalue => {
             let (lo, hi) = session.range_of_field().unwrap_or((0.0, 1.0));
             value.speed((hi - lo) / 500.0).custom_formatter(|x, _| overlay::number(x))

@@ -22,14 +22,6 @@ const AXES_ROOM: f32 = 420.0;
 /// Largest length of field names over the picture and at the legend; longer ones are cut.
 const NAME: (usize, usize) = (60, 20);
 
-/// Field and unit: `T [K]`.
-fn title(field: &StoredField) -> String {
-    match field.units.as_deref().filter(|units| !units.is_empty()) {
-        Some(units) => format!("{} [{units}]", field.name),
-        None => field.name.clone(),
-    }
-}
-
 /// Shortens a text to at most `most` characters.
 pub(super) fn shortened(text: &str, most: usize) -> String {
     if text.chars().count() <= most {
@@ -79,7 +71,7 @@ fn moment(session: &Session, frame: FrameTime) -> String {
 pub(super) fn description(session: &Session, painted: Option<Painted>) -> String {
     let field = session.series().field();
     let moment = painted.map_or("no step".to_owned(), |painted| moment(session, painted.time));
-    format!("Picture of {}, {moment}, {}", title(field), quality(field))
+    format!("Picture of {}, {moment}, {}", field.titled(), quality(field))
 }
 
 /// Optional overlays of the picture.
@@ -104,7 +96,7 @@ pub(super) fn show(ui: &Ui, rect: Rect, session: &Session, painted: Option<Paint
     let write = |at: Pos2, align: Align2, text: &str| write(&painter, session.background(), at, align, text);
     let field = session.series().field();
     let inner = rect.shrink(MARGIN);
-    write(inner.left_top(), Align2::LEFT_TOP, &shortened(&title(field), NAME.0));
+    write(inner.left_top(), Align2::LEFT_TOP, &shortened(&field.titled(), NAME.0));
     write(inner.left_top() + vec2(0.0, LINE), Align2::LEFT_TOP, &quality(field));
     let camera = &session.camera();
     if overlays.bounding_box {
@@ -127,8 +119,20 @@ pub(super) fn show(ui: &Ui, rect: Rect, session: &Session, painted: Option<Paint
     for (above, line) in (1_u8..).zip(lines) {
         write(inner.left_bottom() - vec2(0.0, f32::from(above) * LINE), Align2::LEFT_BOTTOM, &line);
     }
-    if let Some((range, color)) = session.legend().filter(|_| overlays.legend) {
-        color_bar(ui, rect, session.background(), &range, &shortened(&title(field), NAME.1), color);
+    if overlays.legend {
+        legends(ui, rect, session);
+    }
+}
+
+/// The meaning of the field's colours, and below of those of the flow.
+fn legends(ui: &Ui, rect: Rect, session: &Session) {
+    let flow = session.flow_bar().filter(|_| rect.height() >= 2.0 * LEGEND_ROOM.1);
+    let (count, background) = (1 + usize::from(flow.is_some()), session.background());
+    if let Some((range, color)) = session.legend() {
+        color_bar(ui, rect, (0, count), background, &range, &session.series().field().titled(), color);
+    }
+    if let Some(bar) = flow {
+        color_bar(ui, rect, (1, count), background, &bar.range, &bar.title, |position| bar.map.eval(position));
     }
 }
 
@@ -151,10 +155,12 @@ pub(super) fn lines(ui: &Ui, rect: Rect, background: [f32; 3], lines: &[String])
     }
 }
 
-/// The meaning of colours by positions 0..=1 of a range, on the right of a picture that has the room.
+/// The meaning of colours by positions 0..=1 of a range, on the right of a picture that has the room: one of several bars, one below the
+/// other.
 pub(super) fn color_bar(
     ui: &Ui,
     rect: Rect,
+    (index, count): (usize, usize),
     background: [f32; 3],
     range: &MappedRange,
     title: &str,
@@ -165,12 +171,15 @@ pub(super) fn color_bar(
     }
     let (painter, inner) = (ui.painter().with_clip_rect(rect), rect.shrink(MARGIN));
     let (ink, _) = inks(background);
-    let height = BAR.1 * rect.height();
-    let bar = Rect::from_min_size(pos2(inner.right() - BAR.0, rect.center().y - 0.5 * height), vec2(BAR.0, height));
+    let height = BAR.1 * rect.height() / count as f32;
+    // The lines above a bar are between it and the one before.
+    let from_middle = (index as f32 - 0.5 * (count as f32 - 1.0)) * (height + 3.0 * LINE);
+    let center = pos2(inner.right() - 0.5 * BAR.0, rect.center().y + from_middle);
+    let bar = Rect::from_center_size(center, vec2(BAR.0, height));
     painter.add(vertical_strip(bar, color));
     painter.rect_stroke(bar, 0.0, Stroke::new(1.0, ink), StrokeKind::Outside);
     let write = |at: Pos2, align: Align2, text: &str| write(&painter, background, at, align, text);
-    legend(&painter, ink, bar, range, title, &write);
+    legend(&painter, ink, bar, range, &shortened(title, NAME.1), &write);
 }
 
 /// The legend: a colour bar with numbers beside it, and above it the quantity and the numbers' common factor.

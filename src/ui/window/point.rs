@@ -7,6 +7,7 @@ use crate::ui::{Action, Picked, Session};
 use eframe::egui;
 use egui::{Role, Ui, WidgetInfo};
 use egui_plot::{Line, PlotBounds, VLine};
+use glam::DVec3;
 
 /// Height of the curve in points.
 const PLOT: f32 = 130.0;
@@ -17,6 +18,11 @@ pub(super) fn hovered(session: &Session) -> Option<String> {
     Some(match &hover.found {
         Ok(Some(probe)) => {
             let cell = format!("cell {}", probe.source_cell);
+            let flow = session.look().flow.as_ref().zip(hover.vector);
+            let cell = match flow {
+                Some((flow, of)) => format!("{}\n{cell}", vector(session, &flow.layer.field, of)),
+                None => cell,
+            };
             match &hover.functions {
                 None => format!("{}\n{cell}", value(session, probe.scalar)),
                 Some(found) => {
@@ -36,6 +42,18 @@ fn value(session: &Session, scalar: f64) -> String {
     let units = field.units.as_deref().filter(|units| !units.is_empty());
     let units = units.map_or(String::new(), |units| format!(" {units}"));
     format!("{} = {}{units}", field.name, number(scalar))
+}
+
+/// A vector with its field's name and unit, and its length.
+fn vector(session: &Session, field: &str, vector: DVec3) -> String {
+    if !vector.is_finite() {
+        return format!("{field} has no vector here");
+    }
+    let component = format!("{field}:0");
+    let units = session.store().fields().iter().find(|of| of.name == component).and_then(|of| of.units.clone());
+    let units = units.filter(|units| !units.is_empty()).map_or(String::new(), |units| format!(" {units}"));
+    let [x, y, z] = vector.to_array().map(number);
+    format!("{field} = ({x}, {y}, {z}){units}\nlength {}{units}", number(vector.length()))
 }
 
 /// The picked point and its value over the series; a click in the curve goes to that time.
@@ -65,7 +83,13 @@ fn at_present(session: &Session, picked: &Picked) -> Option<String> {
     let curve = picked.curve.as_ref()?;
     let step = session.state().frame?.step();
     let known = curve.values.get(step).filter(|_| step < curve.done)?;
-    Some(if known.is_finite() { value(session, f64::from(*known)) } else { "no value at this step".to_owned() })
+    let value = if known.is_finite() { value(session, f64::from(*known)) } else { "no value at this step".to_owned() };
+    let of_flow = curve.vectors.as_ref().filter(|_| session.look().flow.is_some());
+    let of_flow = of_flow.and_then(|of| Some((&of.field, of.values.get(step)?)));
+    Some(match of_flow {
+        Some((field, of)) => format!("{value}\n{}", vector(session, field, DVec3::from(of.map(f64::from)))),
+        None => value,
+    })
 }
 
 fn curve(ui: &mut Ui, session: &Session, picked: &Picked, actions: &mut Vec<Action>) {

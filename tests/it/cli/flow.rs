@@ -146,21 +146,106 @@ fn a_held_step_flows_on_by_a_rate_and_a_rate_of_zero_stands_still() {
     }
     place.refuses(
         &[&words[..], &["-o", "x_%d.png", "--flow-hold", "1", "--steps", "1"]].concat(),
-        &["required arguments"],
+        &["--flow-hold", "--flow FIELD"],
     );
+}
+
+/// The statistics of a run, a frame each.
+fn stats(place: &Place) -> Vec<serde_json::Value> {
+    let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(place.path("s.json")).unwrap()).unwrap();
+    stats.as_array().unwrap().clone()
+}
+
+#[test]
+fn flow_fades_by_keys_of_the_timeline_and_costs_nothing_where_it_is_gone() {
+    let place = tornado();
+    let size = ["--size", "48x36", "--exr", "raw", "--stats", "s.json"];
+    let all = ["render", "t.zarr", "-o", "v_%02d.exr", "--field", "pressure", "--steps", "0..19"];
+    place.ok(&[&all[..], &size].concat());
+    let times: Vec<f64> = stats(&place).iter().map(|frame| frame["time"].as_f64().unwrap()).collect();
+    let (a, b) = (times[5], times[15]);
+    let head = "version = 1\n[data]\nsource = \"t.zarr\"\nfield = \"pressure\"\n";
+    let flow = "[flow]\nfield = \"velocity\"\nopacity = 0.3\n";
+    let keys = format!("[[timeline.flow]]\ntime = {a}\nvalue = 0.0\n[[timeline.flow]]\ntime = {b}\nvalue = 0.8\n");
+    let write = |text: &str| std::fs::write(place.path("p.toml"), text).unwrap();
+    write(&format!("{head}{flow}{keys}"));
+    let movie = ["render", "p.toml", "-o", "f_%02d.exr", "--steps", "0..19", "--resume"];
+    let movie = [&movie[..], &size].concat();
+    place.ok(&movie);
+    let frames = stats(&place);
+    let count = |step: usize, name: &str| frames[step]["stats"][name].as_f64().unwrap();
+    let frame = |name: &str, step: usize| read_exr(&place.path(&format!("{name}_{step:02}.exr"))).unwrap().planes;
+    for step in [0, 5] {
+        assert!(frame("f", step) == frame("v", step), "{step}");
+        assert_eq!(["flow_splats", "flow_fragments", "ms_flow"].map(|name| count(step, name)), [0.0; 3]);
+    }
+    let weight = (times[9] - a) / (b - a);
+    for (step, opacity) in [(9, 0.8 * weight), (15, 0.8), (19, 0.8)] {
+        let options = ["--flow-opacity", &opacity.to_string()];
+        assert!(frame("f", step) == exr(&place, &step.to_string(), &[&FLOW[..], &options].concat()), "{step}");
+        assert!(count(step, "flow_splats") > 0.0);
+    }
+    // Frames that another key leaves as they were are kept.
+    write(&format!("{head}{flow}{}", keys.replace("0.8", "0.6")));
+    place.ok(&movie);
+    let origins: Vec<bool> = stats(&place).iter().map(|frame| frame["origin"] == "kept").collect();
+    assert_eq!(origins, (0..20).map(|step| step <= 5).collect::<Vec<_>>());
+    // An opacity of the command holds at all times.
+    let given = ["render", "p.toml", "-o", "g.exr", "--steps", "0", "--flow-opacity", "0.5"];
+    place.ok(&[&given[..], &size].concat());
+    assert!(
+        read_exr(&place.path("g.exr")).unwrap().planes
+            == exr(&place, "0", &[&FLOW[..], &["--flow-opacity", "0.5"]].concat())
+    );
+    for (text, parts) in [
+        (
+            format!("{flow}{}", keys.replace("0.8", "1.5")),
+            &["[[timeline.flow]]", "opacity of 1.5", "between 0 and 1"][..],
+        ),
+        (format!("{flow}{}", keys.replace("0.8", "nan")), &["[[timeline.flow]]", "opacity of NaN"]),
+        (
+            format!("{flow}{}", keys.replace(&format!("time = {b}"), &format!("time = {a}"))),
+            &["two keys at time", "another time"],
+        ),
+        (format!("{flow}{}", keys.replace("value", "opacity")), &["`opacity`", "`time`, `transition`, `value`"]),
+        (keys.clone(), &["add [flow]", "[[timeline.flow]] out"]),
+    ] {
+        write(&format!("{head}{text}"));
+        place.refuses(&["render", "p.toml", "-o", "x.exr", "--steps", "0"], &[&["p.toml"], parts].concat());
+    }
+}
+
+#[test]
+fn a_legend_has_a_second_bar_for_the_colours_of_the_flow() {
+    let place = tornado();
+    // Without an opacity nothing else is of the flow.
+    let picture = |annotations: &str, options: &[&str]| {
+        let words = ["render", "t.zarr", "--field", "pressure", "--size", "320x300", "--exr", "raw", "--steps", "4"];
+        let flow = ["--flow", "velocity", "--flow-opacity", "0", "--annotate", annotations, "-o", "f.exr"];
+        place.ok(&[&words[..], &flow, options].concat());
+        read_exr(&place.path("f.exr")).unwrap().planes
+    };
+    let beside = ["--flow-color", "velocity:mag@viridis"];
+    assert!(apart(&picture("legend", &[]), &picture("legend", &beside)) > 0.1);
+    assert!(picture("none", &[]) == picture("none", &beside));
 }
 
 #[test]
 fn flow_is_in_a_project_and_what_cannot_be_shown_is_refused_with_the_remedy() {
     let place = tornado();
-    let project = "version = 1\n[data]\nsource = \"t.zarr\"\nfield = \"pressure\"\n[look]\nflow = \"velocity\"\n\
-                   flow-icon = \"lines\"\nflow-size = 0.7\nflow-color = \"velocity:mag@viridis\"\n";
+    let project = "version = 1\n[data]\nsource = \"t.zarr\"\nfield = \"pressure\"\n[flow]\nfield = \"velocity\"\n\
+                   icon = \"lines\"\nsize = 0.7\ncolor = \"velocity:mag@viridis\"\n";
     std::fs::write(place.path("p.toml"), project).unwrap();
     let size = ["--size", "48x36", "--exr", "raw", "--steps", "4"];
     place.ok(&[&["render", "p.toml", "-o", "p.exr"], &size[..]].concat());
     let options = ["--flow-icon", "lines", "--flow-size", "0.7", "--flow-color", "velocity:mag@viridis"];
     let by_options = exr(&place, "4", &[&FLOW[..], &options].concat());
     assert!(read_exr(&place.path("p.exr")).unwrap().planes == by_options);
+    // What the user says comes before it.
+    let other = ["--flow-icon", "arrows", "--flow-size", "0.7", "--flow-color", "velocity:mag@viridis"];
+    place.ok(&[&["render", "p.toml", "-o", "q.exr", "--flow-icon", "arrows"], &size[..]].concat());
+    let by_options = exr(&place, "4", &[&FLOW[..], &other].concat());
+    assert!(read_exr(&place.path("q.exr")).unwrap().planes == by_options);
     for (options, parts) in [
         (&["--flow", "pressure"][..], &["'pressure'", "three components"][..]),
         (&["--flow", "wind"], &["'wind'", "velocity"]),
@@ -170,14 +255,38 @@ fn flow_is_in_a_project_and_what_cannot_be_shown_is_refused_with_the_remedy() {
         (&["--flow", "velocity", "--flow-splats", "0"], &["--flow-splats"]),
         (&["--flow", "velocity", "--flow-icon", "fish"], &["'fish'", "strokes, lines, particles or arrows"]),
         (&["--flow", "velocity", "--flow-color", "wind"], &["--flow-color", "'wind'"]),
-        (&["--flow-icon", "lines"], &["required arguments"]),
+        (&["--flow-icon", "lines"], &["--flow FIELD"]),
+        (&["--flow-rate", "2"], &["--flow FIELD"]),
     ] {
         let words = ["render", "t.zarr", "--field", "pressure", "-o", "x.png", "--steps", "1", "--size", "8x8"];
         place.refuses(&[&words[..], options].concat(), parts);
         assert!(!place.path("x.png").exists());
     }
-    std::fs::write(place.path("bad.toml"), project.replace("flow-icon", "flow-icons")).unwrap();
-    place.refuses(&["render", "bad.toml", "-o", "x.png", "--steps", "1"], &["bad.toml", "flow-icons"]);
+    // A step is held with the project's flow.
+    place.ok(&[
+        "render",
+        "p.toml",
+        "-o",
+        "h_%d.png",
+        "--size",
+        "8x8",
+        "--fps",
+        "5",
+        "--steps",
+        "4",
+        "--flow-hold",
+        "0.4",
+    ]);
+    assert!(place.path("h_1.png").exists() && !place.path("h_2.png").exists());
+    for (from, to, parts) in [
+        ("icon =", "icons =", &["line 6", "`icons`", "`field`, `icon`, `splats`"][..]),
+        ("field = \"velocity\"\n", "", &["line 5", "`field`"]),
+        ("size = 0.7", "size = 0", &["flow", "size of 0"]),
+        ("\"velocity\"", "\"wind\"", &["'wind'", "velocity"]),
+    ] {
+        std::fs::write(place.path("bad.toml"), project.replace(from, to)).unwrap();
+        place.refuses(&["render", "bad.toml", "-o", "x.png", "--steps", "1"], &[&["bad.toml"], parts].concat());
+    }
     let slab = Place::with_slab();
     let words = ["render", "slab.zarr", "-o", "x.png", "--steps", "1", "--flow", "velocity"];
     slab.refuses(&words, &["'velocity'", "constant, linear"]);

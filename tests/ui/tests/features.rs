@@ -109,7 +109,15 @@ fn flow_comes_by_a_key_with_its_controls_and_goes_on_while_a_step_is_held() {
     desk.press(Key::G);
     desk.until("another icon", |session| held(session).is_some_and(|(_, shown)| shown != icon));
     desk.save("flow.png");
-    for control in ["Flow (F)", "Icon (G)", "Splats", "Opacity of the flow", "Colours of the flow"] {
+    for control in [
+        "Flow (F)",
+        "Icon (G)",
+        "Icon of strokes",
+        "Icon of arrows",
+        "Splats",
+        "Opacity of the flow",
+        "Colours of the flow",
+    ] {
         assert!(desk.harness.query_by_label(control).is_some(), "{control}");
     }
     desk.click("Colours of the flow");

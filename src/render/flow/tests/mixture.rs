@@ -95,7 +95,7 @@ fn opacity_stays_while_one_icon_goes_over_into_another() {
     let scene = FlowScene { held, ..with_icons(&mesh, FlowIcons { icons, by: None, fade: 0.8 }, None) };
     let sums = [Icon::Particles, Icon::Lines].map(IconSums::of);
     let mut mixed = 0;
-    for vertex in scene.vertices() {
+    for vertex in scene.sites() {
         let (Some(splat), Some(mix)) = (Splat::of(&scene, vertex, &view), scene.mix(vertex)) else { continue };
         let of = |row: i32| splat.across(f64::from(row) / 64.0).mixed([2.0, 1.0], 1.0, splat.icons_of(&sums));
         // Blurred over many periods, all rows together are the icons' mean.
