@@ -99,7 +99,7 @@ impl StoredTravel {
         Some(expanded)
     }
 
-    /// Stores rows from `first` on, with those before that are there. Whether they could be stored: somebody may be about to change the
+    /// Stores rows from `first` on, beside those that are there. Whether they could be stored: somebody may be about to change the
     /// store, or rows before be missing.
     ///
     /// # Errors
@@ -111,16 +111,19 @@ impl StoredTravel {
         if known.len() < first {
             return Ok(false);
         }
-        known.truncate(first);
         layout::write_group(&self.root, FLOW, &Map::new())?;
         layout::write_group(&self.root, &self.group, &Map::new())?;
         let mut to = FolderSink::new(self.root.join(&self.group));
-        for ((row, sum_of), ways) in (first as u64..).zip(self.sums_of.iter().skip(first)).zip(rows) {
+        for ((row, sum_of), ways) in (first..).zip(self.sums_of.iter().skip(first)).zip(rows) {
             let compact: Option<Vec<f32>> =
                 self.parts.as_ref().map(|parts| parts.firsts().map(|cell| ways[cell as usize]).collect());
             let bytes = to_bytes(compact.as_deref().unwrap_or(ways));
-            to.put(&chunk_key(TRAVEL, row, 2), &bytes)?;
-            known.push([*sum_of, crc32c::crc32c(&bytes)]);
+            to.put(&chunk_key(TRAVEL, row as u64, 2), &bytes)?;
+            let new = [*sum_of, crc32c::crc32c(&bytes)];
+            match known.get_mut(row) {
+                Some(known) => *known = new,
+                None => known.push(new),
+            }
         }
         let attributes =
             Map::from_iter([(DERIVED_ATTRIBUTE.to_owned(), json!(TRAVEL_VERSION)), (ROWS.to_owned(), json!(known))]);

@@ -299,7 +299,7 @@ fn that_nothing_flows_is_said_once_a_run_and_the_volume_is_drawn() {
     for (name, still) in [("zero", "0 * velocity"), ("hole", "(0 / (time - time)) * velocity")] {
         let define = format!("still = {still}");
         let store = format!("{name}.zarr");
-        place.ok(&["import", "run/tornado.pvd", "-o", &store, "--define", &define, "--quiet"]);
+        place.ok(&["import", "run/run.pvd", "-o", &store, "--define", &define, "--quiet"]);
         let run = |options: &[&str]| {
             let words =
                 ["render", &store, "--field", "pressure", "--size", "24x18", "--exr", "raw", "--stats", "s.json"];

@@ -21,7 +21,7 @@ fn run() -> Place {
 }
 
 fn import(place: &Place, options: &[&str]) {
-    place.ok(&[&["import", "run/tornado.pvd", "-o", "t.zarr", "--quiet"], options].concat());
+    place.ok(&[&["import", "run/run.pvd", "-o", "t.zarr", "--quiet"], options].concat());
 }
 
 /// The flow of a step alone, and how many values were decoded for it.
@@ -159,8 +159,9 @@ fn what_is_damaged_or_of_something_else_is_made_anew_and_changes_no_bit() {
             // What is not needed is not looked at.
             assert_eq!(kept(&place) == left, row == 1);
         }
-        assert!(frame(&place, 15) == (frame(&place, 15).0, decoded(&place, 8)));
-        assert!(kept(&place) == left);
+        // Until it is.
+        frame(&place, 15);
+        assert!(frame(&place, 15).1 == decoded(&place, 8) && kept(&place) == left, "{row}");
     }
 }
 
