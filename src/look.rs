@@ -8,7 +8,7 @@ use crate::pipeline::{
     Backend, ColorsBeside, FaceDetail, FlowLayer, FrameRequest, FrameTime, KeyedSurfaces, Layer, RenderMode,
     Representation, Series, SurfaceLook, TetDraw,
 };
-use crate::render::flow::{FlowStyle, Icon, IconName, Thresholds};
+use crate::render::flow::{FlowStyle, FlowVolume, Icon, IconName, Thresholds};
 use crate::render::functions::{FunctionForm, Normalise, SheetStyle};
 use crate::render::points::PointStyle;
 use crate::render::surfaces::ByField;
@@ -340,6 +340,8 @@ impl Look {
                 if tets.draw.drawn_by().is_of_functions() { self.functions } else { FunctionForm::default() };
             (tets.optics, tets.formula) = (optics, formula);
             tets.show(&self.surfaces.at(surfaces));
+            // Splats may take the place of the cells.
+            tets.volume &= self.flow.as_ref().is_none_or(|flow| flow.layer.style.volume == FlowVolume::Exact);
         });
         request.layers.extend(self.flow.as_ref().map(|flow| {
             let mut layer = flow.layer.clone();

@@ -3,7 +3,7 @@
 use crate::field::FieldSelector;
 use crate::look::{FlowLook, colors_beside};
 use crate::pipeline::{FlowLayer, Series};
-use crate::render::flow::{FlowFidelity, FlowStyle, IconName, Thresholds};
+use crate::render::flow::{FlowFidelity, FlowStyle, FlowVolume, IconName, Thresholds};
 use crate::render::surfaces::ByField;
 use crate::task::Cancel;
 use crate::transfer::{Lengths, TransferFunction};
@@ -45,6 +45,9 @@ pub(super) struct FlowArgs {
     /// Patterns of vectors nearly along the ray: smooth (they fade), or paper (compressed by three at most, as printed: they spin)
     #[arg(long, value_name = "FIDELITY", default_value = "smooth")]
     flow_fidelity: FlowFidelity,
+    /// What shows the scalars: exact (the cells), splats (their kernels, as in the paper), or none
+    #[arg(long, value_name = "VOLUME", default_value = "exact")]
+    flow_volume: FlowVolume,
     /// Colours of the pattern by a field: NAME[@MAP] (default: orange)
     #[arg(long, value_name = "FIELD")]
     flow_color: Option<ByField>,
@@ -71,6 +74,7 @@ impl FlowArgs {
             speed: self.flow_speed,
             splats: self.flow_splats,
             fidelity: self.flow_fidelity,
+            volume: self.flow_volume,
         };
         let Some(field) = self.flow.clone() else {
             let has_icons = self.flow_icon.generated().is_none() || self.flow_by.is_some();

@@ -4,13 +4,15 @@ use super::distribution::speeds;
 use super::series::Series;
 use super::steps::{StepCache, StepCaches};
 use super::travel::{Speeds, Travel};
-use super::{ColorsBeside, FrameTime, PipelineError, RequestError};
+use super::{ColorsBeside, FrameTime, PipelineError, RequestError, TetLayer};
 use crate::camera::View;
 use crate::field::{Association, Component, FieldSelector, Scalars};
 use crate::mesh::{Mesh, Plane};
+use crate::node_table::NodeTable;
 use crate::render::LayerFragments;
 use crate::render::flow::{
-    self, FlowColors, FlowIcons, FlowScene, FlowStyle, HeldFlow, Mixture, Pattern, Shapes, Thresholds,
+    self, FlowColors, FlowIcons, FlowScene, FlowStyle, FlowVolume, HeldFlow, Kernels, Mixture, Pattern, Shapes,
+    Thresholds,
 };
 use crate::render::reference::flow_fragments;
 use crate::render::surfaces::FieldBeside;
@@ -56,9 +58,9 @@ impl FlowLayer {
         Self { field, style, icons: None, colors: None, held: 0.0, shutter: 0.0 }
     }
 
-    /// Whether it has an opacity.
+    /// Whether something of it may be seen: its icons have an opacity, or its splats show the scalars.
     pub fn is_seen(&self) -> bool {
-        self.style.opacity > 0.0
+        self.style.opacity > 0.0 || self.style.volume == FlowVolume::Splats
     }
 
     /// Why it cannot be drawn, whatever the series holds.
@@ -179,6 +181,25 @@ pub(super) struct FlowValues {
     travel: Arc<Vec<f64>>,
     mixture: Option<Mixture>,
     colors: FlowColors,
+}
+
+impl FlowValues {
+    /// Refuses kernels without a scalar at each site, or without colours of their own.
+    pub(super) fn check_volume(&self, series: &Series, layer: &TetLayer) -> Result<(), RequestError> {
+        if self.style.volume != FlowVolume::Splats {
+            return Ok(());
+        }
+        let refused = |problem: &str| Err(RequestError::Flow(format!("{problem}; choose the volume 'exact'")));
+        if series.values_of() != self.sites {
+            return refused(
+                "splats can be the volume only where vectors and scalars are both of vertices or both of cells",
+            );
+        }
+        if layer.table.joint().is_some() {
+            return refused("splats cannot be the volume with a transfer function of more than the scalar");
+        }
+        Ok(())
+    }
 }
 
 /// The first stage of flow: decodes.
@@ -393,6 +414,8 @@ pub(super) struct OrderFlow {
     sites: Option<Association>,
     shapes: Option<Arc<Shapes>>,
     chosen: Option<(u32, Arc<Vec<u32>>)>,
+    /// The volumes that splats stand for, for a number of them.
+    volumes: Option<(Option<u32>, Arc<Vec<f64>>)>,
     cells: Weak<CellSet>,
     shown: Arc<Vec<bool>>,
 }
@@ -406,6 +429,7 @@ impl OrderFlow {
         &mut self,
         values: FlowValues,
         (mesh, cells): (&Arc<Mesh>, &Arc<CellSet>),
+        (scalars, table): (&Scalars, &Arc<NodeTable>),
         clips: &[Plane],
         (local_view, is_judged): (&View, bool),
         stats: &mut FrameStats,
@@ -425,6 +449,17 @@ impl OrderFlow {
             _ => (count, Arc::new(flow::chosen(mesh, sites, count))),
         });
         self.chosen.clone_from(&chosen);
+        let kernels = (style.volume == FlowVolume::Splats).then(|| {
+            let (count, volumes) =
+                self.volumes.take().filter(|(count, _)| *count == style.splats).unwrap_or_else(|| {
+                    (
+                        style.splats,
+                        Arc::new(flow::volumes_of_splats(mesh, sites, style.splats.map(|count| count as usize))),
+                    )
+                });
+            self.volumes = Some((count, volumes.clone()));
+            Kernels { scalars: scalars.clone(), table: table.clone(), volumes }
+        });
         let scene = FlowScene {
             style,
             mixture,
@@ -433,6 +468,7 @@ impl OrderFlow {
             travel,
             held,
             colors,
+            kernels,
             shapes,
             shown: self.shown.clone(),
             chosen: chosen.map(|(_, chosen)| chosen),

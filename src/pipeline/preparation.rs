@@ -116,6 +116,9 @@ impl Decode {
             None => None,
         };
         let layer = request.tets_of(&series.field.name)?;
+        if let Some((flow, layer)) = flow.as_ref().zip(layer) {
+            flow.check_volume(series, layer)?;
+        }
         let by = layer.map_or(DrawnBy::Raycast, |layer| layer.draw.on(&series.mesh).drawn_by());
         if let Some(layer) = layer {
             unconnected::check(&series.mesh, layer, by, request)?;
@@ -475,7 +478,8 @@ impl Order {
         job.fragments = self.shells.fragments(&job, shading, &domain_colors, &clips)?;
         if let Some(flow) = flow {
             let (cells, view) = ((&series.mesh, &finite), job.local_view());
-            let drawn = self.flow.fragments(flow, cells, &clips, (&view, by.is_reference()), &mut job.stats)?;
+            let seen = (&job.scalars, &domain_colors);
+            let drawn = self.flow.fragments(flow, cells, seen, &clips, (&view, by.is_reference()), &mut job.stats)?;
             let all = match &job.fragments {
                 Some(shells) => shells.with(&drawn),
                 None => drawn,

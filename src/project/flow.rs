@@ -4,7 +4,7 @@ use super::ProjectError;
 use super::settings::as_text;
 use crate::field::FieldSelector;
 use crate::look::FlowLook;
-use crate::render::flow::{FlowFidelity, FlowStyle, IconName, Thresholds};
+use crate::render::flow::{FlowFidelity, FlowStyle, FlowVolume, IconName, Thresholds};
 use crate::render::surfaces::ByField;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -42,6 +42,9 @@ pub struct FlowSettings {
     /// What patterns of vectors nearly along the ray are.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fidelity: Option<FlowFidelity>,
+    /// What shows the scalars.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub volume: Option<FlowVolume>,
     /// The field that colours the pattern, and its map, as `--flow-color` has it.
     #[serde(default, skip_serializing_if = "Option::is_none", with = "as_text")]
     pub color: Option<ByField>,
@@ -62,6 +65,7 @@ impl FlowSettings {
             speed: differing(style.speed, usual.speed),
             rate: *rate,
             fidelity: differing(style.fidelity, usual.fidelity),
+            volume: differing(style.volume, usual.volume),
             color: color_by.clone(),
         }
     }

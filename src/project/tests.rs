@@ -4,7 +4,7 @@ use super::*;
 use crate::camera::Camera;
 use crate::optics::OpticsKind;
 use crate::pipeline::RenderMode;
-use crate::render::flow::FlowFidelity;
+use crate::render::flow::{FlowFidelity, FlowVolume};
 use crate::render::surfaces::{Light, Normals};
 use crate::timeline::{Key, Keyframed, Transition};
 use crate::transfer::{Blend, ColorMap, ColorWeighting, Function, Member, RangeMap, RangePolicy, TransferFunction};
@@ -66,6 +66,7 @@ fn whole() -> Project {
         speed: Some(1e3),
         rate: Some(0.0),
         fidelity: Some(FlowFidelity::Paper),
+        volume: Some(FlowVolume::Splats),
         color: Some("velocity:mag@viridis".parse().unwrap()),
     });
     project.cameras = ["front", "from the left"]

@@ -13,6 +13,7 @@
 //! as [`LayerFragments`], which every renderer composites between its segments.
 
 mod icon;
+mod kernel;
 mod mixture;
 mod names;
 mod picture;
@@ -23,6 +24,8 @@ mod tests;
 
 pub use icon::Icon;
 pub(in crate::render) use icon::TEXELS;
+pub use kernel::FlowVolume;
+pub(crate) use kernel::Kernels;
 pub(crate) use mixture::Mixture;
 pub use mixture::{FlowIcons, Pattern, Thresholds};
 pub use names::IconName;
@@ -65,6 +68,9 @@ pub struct FlowStyle {
     /// What patterns of vectors nearly along the ray are.
     #[serde(default, skip_serializing_if = "FlowFidelity::is_usual")]
     pub fidelity: FlowFidelity,
+    /// What shows the scalars.
+    #[serde(default, skip_serializing_if = "FlowVolume::is_usual")]
+    pub volume: FlowVolume,
 }
 
 /// What patterns are whose vector is nearly along the ray.
@@ -104,6 +110,7 @@ impl Default for FlowStyle {
             speed: 1.0,
             splats: None,
             fidelity: FlowFidelity::Smooth,
+            volume: FlowVolume::Exact,
         }
     }
 }
@@ -201,6 +208,8 @@ pub struct FlowScene {
     /// The time after that for which each vector's flow has gone on, and the time over which the pattern is averaged.
     pub(crate) held: HeldFlow,
     pub(crate) colors: FlowColors,
+    /// What the splats show of the scalars, if they are the volume.
+    pub(crate) kernels: Option<Kernels>,
     pub(crate) shapes: Arc<Shapes>,
     /// Whether each site is a cell that is shown, or a vertex of one.
     pub(crate) shown: Arc<Vec<bool>>,
@@ -231,6 +240,7 @@ impl FlowScene {
             travel,
             held,
             colors,
+            kernels: None,
             shapes,
             shown,
             chosen: None,
@@ -358,6 +368,15 @@ const PHASES: u64 = 33;
 /// The usual length of a period, in local units.
 pub(crate) fn usual_period(mesh: &Mesh, sites: Association) -> f64 {
     FlowStyle::EDGES * Shapes::of(mesh, sites).mean_edge
+}
+
+/// The volume that each of `splats` sites with one stands for, or each of all sites; in local units.
+pub(crate) fn volumes_of_splats(mesh: &Mesh, sites: Association, splats: Option<usize>) -> Vec<f64> {
+    let volumes = volumes(mesh, sites);
+    match splats.filter(|splats| *splats < volumes.len()) {
+        Some(splats) => vec![volumes.iter().sum::<f64>() / splats as f64; volumes.len()],
+        None => volumes,
+    }
 }
 
 /// Volume of each site, in local units: that of a cell, or a quarter of each cell of a vertex.

@@ -208,8 +208,9 @@ pub(super) mod tests {
         let waves = waves();
         let text = serde_json::to_string(&waves).unwrap();
         assert!(serde_json::from_str::<Picture>(&text).unwrap() == waves);
-        let black = serde_json::to_string(&vec![[0u16; 32], [0; 32]]).unwrap();
-        for bad in ["[]".to_owned(), text.replacen("[0,", "[", 1), text.replacen("[0,", "[65535,", 1), black] {
+        let ramp = serde_json::to_string(&vec![(0..64).collect::<Vec<u16>>(); 64]).unwrap();
+        let small = serde_json::to_string(&[[7; 32]; 32]).unwrap();
+        for bad in ["[]".to_owned(), text.replacen("[0,", "[", 1), small, ramp] {
             assert!(serde_json::from_str::<Picture>(&bad).is_err(), "{}", &bad[..bad.len().min(40)]);
         }
     }

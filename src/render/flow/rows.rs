@@ -3,7 +3,7 @@
 use super::super::layers::{LayerFragment, RowFragments};
 use super::super::{LayerFragments, RenderError};
 use super::IconSums;
-use super::splat::{END, Splat};
+use super::splat::{END, Splat, window};
 use crate::camera::View;
 use pulp::Arch;
 use rayon::prelude::*;
@@ -30,7 +30,7 @@ pub(super) fn fragments(
     let by_row = splats_by_row(splats, view.height_px);
     let arch = Arch::new();
     let of_row = |row: usize| {
-        let mut found = Vec::new();
+        let mut found = Row::default();
         // Compiled for each processor: without its instructions that round down, each look-up calls a function several times.
         arch.dispatch(
             #[inline(always)]
@@ -51,11 +51,25 @@ struct Found {
     /// Index in the rendered plane.
     place: u32,
     splat: u32,
+    /// Opacity of its icon.
     alpha: f64,
 }
 
+/// What splats have in a row.
+#[derive(Default)]
+struct Row {
+    found: Vec<Found>,
+    /// The windows there, if splats have kernels.
+    windows: Vec<f64>,
+}
+
 /// What was found in a row, by pixels, each in the order of the splats.
-fn in_pixels(found: &[Found], splats: &[Splat], (row, view): (usize, &View), per_unit: f64) -> RowFragments {
+fn in_pixels(
+    Row { found, windows }: &Row,
+    splats: &[Splat],
+    (row, view): (usize, &View),
+    per_unit: f64,
+) -> RowFragments {
     let mut places = view.rendered_in(row, 0..view.width_px).map(|(_, place)| place as u32);
     // The pixels of a row follow each other in the plane.
     let Some(first) = places.next() else { return RowFragments::default() };
@@ -69,11 +83,14 @@ fn in_pixels(found: &[Found], splats: &[Splat], (row, view): (usize, &View), per
         *end = count - *end;
     });
     let mut fragments = vec![LayerFragment { depth: 0.0, rgba: [0.0; 4] }; found.len()];
-    for &Found { place, splat, alpha } in found {
-        let Splat { depth, color, .. } = &splats[splat as usize];
-        let [r, g, b] = color.map(|c| (c * alpha) as f32);
+    for (i, &Found { place, splat, alpha }) in found.iter().enumerate() {
+        let Splat { depth, color, kernel, .. } = &splats[splat as usize];
+        let rgba = match kernel {
+            None => [color[0] * alpha, color[1] * alpha, color[2] * alpha, alpha],
+            Some(kernel) => kernel.light(windows[i], alpha, *color),
+        };
         let next = &mut ends[(place - first) as usize];
-        fragments[*next as usize] = LayerFragment { depth: depth * per_unit, rgba: [r, g, b, alpha as f32] };
+        fragments[*next as usize] = LayerFragment { depth: depth * per_unit, rgba: rgba.map(|c| c as f32) };
         *next += 1;
     }
     RowFragments { ends, fragments }
@@ -133,16 +150,23 @@ impl Splat {
 
     /// Appends what the splat, number `id`, has in a row, from left to right.
     #[inline(always)]
-    fn row(&self, id: u32, row: usize, (icons, opacity): (&[&IconSums], f64), view: &View, found: &mut Vec<Found>) {
+    fn row(&self, id: u32, row: usize, (icons, opacity): (&[&IconSums], f64), view: &View, to: &mut Row) {
         let [xx, xy, yy] = self.form;
         let dy = row as f64 + 0.5 - self.center.y;
         let icons = self.icons_of(icons);
+        let opacity = if self.flows { opacity } else { 0.0 };
         for (column, place) in view.rendered_in(row, self.columns(row, view.width_px)) {
             let dx = column as f64 + 0.5 - self.center.x;
             let squared = xx * dx * dx + 2.0 * xy * dx * dy + yy * dy * dy;
             let alpha = opacity * self.mixed([dx, dy], squared, icons);
-            if alpha as f32 > 0.0 {
-                found.push(Found { place: place as u32, splat: id, alpha });
+            if self.kernel.is_some() {
+                let window = window(squared);
+                if window > 0.0 {
+                    to.windows.push(window);
+                    to.found.push(Found { place: place as u32, splat: id, alpha });
+                }
+            } else if alpha as f32 > 0.0 {
+                to.found.push(Found { place: place as u32, splat: id, alpha });
             }
         }
     }

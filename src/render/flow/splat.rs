@@ -1,5 +1,6 @@
 //! A splat on the screen.
 
+use super::kernel::{Kernel, OnScreen};
 use super::mixture::Mix;
 use super::{FlowScene, IconSums};
 use crate::camera::View;
@@ -42,6 +43,9 @@ pub(in crate::render) struct Splat {
     contrast: f64,
     mix: Mix,
     pub(super) color: [f64; 3],
+    /// Whether it has an icon: with a kernel, it may have none.
+    pub(super) flows: bool,
+    pub(super) kernel: Option<Kernel>,
 }
 
 /// The kernel at a squared distance in widths: a Gaussian that ends at [`END`] without an edge.
@@ -63,7 +67,9 @@ impl Splat {
         let vector = scene.vector(site);
         // The length of a vector of large numbers is not finite in itself.
         let direction = (vector / vector.abs().max_element()).normalize_or_zero();
-        if !vector.is_finite() || direction == DVec3::ZERO || !scene.shows(site) {
+        let (color, mix) = (scene.color(site), scene.mix(site));
+        let flows = vector.is_finite() && direction != DVec3::ZERO && color.is_some() && mix.is_some();
+        if !(flows || scene.kernels.is_some()) || !scene.shows(site) {
             return None;
         }
         let at = view.to_view(scene.center(site));
@@ -84,13 +90,21 @@ impl Splat {
         if !(form.iter().all(|f| f.is_finite()) && period > 0.0 && xx.is_finite() && yy.is_finite()) {
             return None;
         }
-        let (color, mix) = (scene.color(site)?, scene.mix(site)?);
+        let kernel = match &scene.kernels {
+            None => None,
+            Some(kernels) => {
+                // A kernel without extinction shows nothing, nor does its icon.
+                let node = kernels.node(site).filter(|node| node.tau > 0.0)?;
+                let on_screen = screen.kernel(&shape, determinant, kernels.volumes[site as usize], scene);
+                Some(Kernel::of(node, &on_screen, scene.style.fidelity))
+            }
+        };
         let projected = screen.project(direction);
         let length = projected.length();
         let foreshortening = length / screen.per_unit;
         let per_period = period * screen.per_unit;
         let frequency = [foreshortening.recip().min(COMPRESSED) / per_period, per_period.recip()];
-        let blur = scene.blur(site);
+        let blur = if flows { scene.blur(site) } else { 0.0 };
         Some(Self {
             depth: at.z,
             site,
@@ -104,8 +118,10 @@ impl Splat {
             width: IconSums::width(frequency[0] + blur),
             level: IconSums::level(frequency[1]),
             contrast: scene.style.fidelity.contrast(foreshortening),
-            mix,
-            color,
+            mix: mix.unwrap_or_default(),
+            color: color.unwrap_or_default(),
+            flows,
+            kernel,
         })
     }
 
@@ -145,6 +161,8 @@ struct Screen {
     rows: [DVec3; 2],
     /// Pixels of a unit of length that faces the viewer.
     per_unit: f64,
+    /// Length of the ray through the point, per depth.
+    length_per_depth: f64,
 }
 
 impl Screen {
@@ -160,7 +178,22 @@ impl Screen {
             0.5 * view.width_px as f64 * (x / view.half_width + 1.0),
             0.5 * view.height_px as f64 * (1.0 - y / view.half_height),
         );
-        Self { center, rows, per_unit }
+        let length_per_depth = if view.perspective { at.length() / at.z } else { 1.0 };
+        Self { center, rows, per_unit, length_per_depth }
+    }
+
+    /// How a kernel of this shape lies on the screen, of which the covariance there has this determinant, for a site of this volume (local
+    /// units).
+    fn kernel(&self, shape: &Symmetric, determinant: f64, volume: f64, scene: &FlowScene) -> OnScreen {
+        let scale = scene.mesh.positions.scale;
+        // Of all places on the ray, which is along n, the Gaussian has a width of 1 / sqrt(n^T S^-1 n) for n of length 1.
+        let n = self.rows[0].cross(self.rows[1]).normalize_or_zero();
+        let adjugate = adjugate(shape);
+        let determinant_of_shape = (0..3).map(|i| shape[i] * adjugate[i]).sum::<f64>().max(0.0);
+        let squared = determinant_of_shape / n.dot(times(&adjugate, n));
+        let width = if squared.is_finite() { scale * squared.sqrt() } else { 0.0 };
+        let volume = scale * volume * self.per_unit.powi(2) * self.length_per_depth;
+        OnScreen { width, area: determinant.sqrt(), volume }
     }
 
     fn project(&self, way: DVec3) -> DVec2 {
@@ -169,30 +202,24 @@ impl Screen {
 
     /// J S J^T and a pixel's variance (xx, xy, yy), and the determinant. A needle keeps it: it is n^T adj(S) n with n the product of J's rows,
     /// of which no part is negative, not a difference of large numbers.
-    fn covariance(&self, &[xx, xy, xz, yy, yz, zz]: &Symmetric) -> ([f64; 3], f64) {
-        let times = |w: DVec3| {
-            DVec3::new(xx * w.x + xy * w.y + xz * w.z, xy * w.x + yy * w.y + yz * w.z, xz * w.x + yz * w.y + zz * w.z)
-        };
+    fn covariance(&self, shape: &Symmetric) -> ([f64; 3], f64) {
         let [a, b] = self.rows;
-        let [along, mixed, down] = [a.dot(times(a)), a.dot(times(b)), b.dot(times(b))];
+        let of = |a: DVec3, b: DVec3| a.dot(times(shape, b));
+        let [along, mixed, down] = [of(a, a), of(a, b), of(b, b)];
         let n = a.cross(b);
-        let adjugate = [
-            yy * zz - yz * yz,
-            xz * yz - xy * zz,
-            xy * yz - xz * yy,
-            xx * zz - xz * xz,
-            xy * xz - xx * yz,
-            xx * yy - xy * xy,
-        ];
-        let [axx, axy, axz, ayy, ayz, azz] = adjugate;
-        let turned = DVec3::new(
-            axx * n.x + axy * n.y + axz * n.z,
-            axy * n.x + ayy * n.y + ayz * n.z,
-            axz * n.x + ayz * n.y + azz * n.z,
-        );
-        let determinant = n.dot(turned).max(0.0) + PIXEL * (along.max(0.0) + down.max(0.0)) + PIXEL * PIXEL;
+        let determinant =
+            n.dot(times(&adjugate(shape), n)).max(0.0) + PIXEL * (along.max(0.0) + down.max(0.0)) + PIXEL * PIXEL;
         ([along.max(0.0) + PIXEL, mixed, down.max(0.0) + PIXEL], determinant)
     }
+}
+
+fn times(&[xx, xy, xz, yy, yz, zz]: &Symmetric, w: DVec3) -> DVec3 {
+    DVec3::new(xx * w.x + xy * w.y + xz * w.z, xy * w.x + yy * w.y + yz * w.z, xz * w.x + yz * w.y + zz * w.z)
+}
+
+/// The adjugate of a symmetric matrix: its inverse times its determinant.
+fn adjugate(&[xx, xy, xz, yy, yz, zz]: &Symmetric) -> Symmetric {
+    [yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy, xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy]
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use crate::camera::View;
 use crate::field::Association;
 use crate::render::flow::{COMPRESSED, END, FlowCounts, FlowFidelity, FlowScene, PIXEL, Pattern, TEXELS, Thresholds};
 use crate::render::{LayerFragment, LayerFragments, RenderError};
-use glam::{DMat2, DVec2, DVec3};
+use glam::{DMat2, DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 
 /// All fragments of a view in local coordinates, of the splats in front of the eye.
@@ -28,10 +28,10 @@ pub(crate) fn flow_fragments(scene: &FlowScene, view: &View) -> Result<(LayerFra
         let (column, row) = view.pixel_at(place);
         let at = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
         let found = splats.iter().filter_map(move |splat| {
-            let alpha = scene.style.opacity * splat.opacity(at, icons);
-            let [r, g, b] = splat.color.map(|c| (c * alpha) as f32);
-            let fragment = LayerFragment { depth: splat.depth * per_unit, rgba: [r, g, b, alpha as f32] };
-            (alpha > 0.0).then_some((place as u32, fragment))
+            let [window, pattern] = splat.seen(at, icons);
+            let rgba = splat.light(window, scene.style.opacity * pattern).map(|c| c as f32);
+            let fragment = LayerFragment { depth: splat.depth * per_unit, rgba };
+            (rgba[3] > 0.0).then_some((place as u32, fragment))
         });
         found.collect::<Vec<_>>()
     };
@@ -111,13 +111,48 @@ struct Judged {
     /// Share of each icon.
     shares: Vec<f64>,
     color: [f64; 3],
+    /// Whether it has an icon.
+    flows: bool,
+    kernel: Option<JudgedKernel>,
+}
+
+/// What a splat shows of the scalar.
+struct JudgedKernel {
+    color: [f64; 3],
+    /// Optical depth of a ray through the centre: that which makes the whole window as dark as the site's volume is, and that of a cloud of the
+    /// site's extinction.
+    depths: [f64; 2],
+    is_printed: bool,
+}
+
+impl JudgedKernel {
+    /// `facing` are the pixels of a unit across the view direction, `shape` is the covariance in space, `on_screen` the one on the screen.
+    fn of(scene: &FlowScene, site: u32, view: &View, facing: f64, shape: DMat3, on_screen: DMat2) -> Option<Self> {
+        let kernels = scene.kernels.as_ref()?;
+        let (node, scale) = (kernels.node(site)?, scene.mesh.positions.scale);
+        let center = place(scene, site).0 - view.eye;
+        let ray = if view.perspective { center.normalize() } else { view.forward };
+        let width = scale / ray.dot(shape.inverse() * ray).sqrt();
+        // The window's integral over r, by the midpoint rule: right to 1e-7.
+        let (steps, least) = (4000, (-0.5 * END * END).exp());
+        let step = END / f64::from(steps);
+        let radius = |i: i32| (f64::from(i) + 0.5) * step;
+        let mass: f64 = (0..steps).map(|i| step * radius(i) * ((-0.5 * radius(i).powi(2)).exp() - least)).sum();
+        let mass = std::f64::consts::TAU * mass / (1.0 - least) * on_screen.determinant().sqrt();
+        // A volume's length along the ray, by its pixels across it.
+        let volume = scale * kernels.volumes[site as usize] * facing.powi(2) / ray.dot(view.forward);
+        let depths = [volume / mass, std::f64::consts::TAU.sqrt() * width].map(|length| node.tau * length);
+        Some(Self { color: node.rgb, depths, is_printed: scene.style.fidelity == FlowFidelity::Paper })
+    }
 }
 
 impl Judged {
     fn of(scene: &FlowScene, thresholds: &[f64], site: u32, view: &View) -> Option<Self> {
         let (vector, (center, shape)) = (scene.vector(site), place(scene, site));
         let depth = view.to_view(center).z;
-        if !vector.is_finite() || vector == DVec3::ZERO || !scene.shows(site) || depth <= view.near_depth() {
+        let (color, shares) = (scene.color(site), shares(scene, thresholds, site));
+        let flows = vector.is_finite() && vector != DVec3::ZERO && color.is_some() && shares.is_some();
+        if !(flows || scene.kernels.is_some()) || !scene.shows(site) || depth <= view.near_depth() {
             return None;
         }
         // A hundred-thousandth of the depth: the third derivative is off by 1e-10, rounding by as much.
@@ -130,12 +165,17 @@ impl Judged {
             let (a, b, s) = (columns[i], columns[j], scene.style.size.powi(2) * shape[i][j]);
             covariance += DMat2::from_cols(a * b.x, a * b.y) * s;
         }
-        let unit = vector / vector.length();
+        let unit = if flows { vector / vector.length() } else { DVec3::ZERO };
         let projected = derivative(unit);
         // Pixels of a unit across the view direction, at this depth, in the middle of the view.
         let middle = view.eye + depth * view.forward;
         let facing = (on_screen(view, middle + view.right) - on_screen(view, middle)).length();
         let along = if projected.length() > 0.0 { projected.normalize() } else { DVec2::X };
+        let in_space = DMat3::from_cols_array_2d(&shape) * scene.style.size.powi(2);
+        let kernel = JudgedKernel::of(scene, site, view, facing, in_space, covariance);
+        if kernel.is_none() && scene.kernels.is_some() {
+            return None;
+        }
         Some(Self {
             depth,
             center: on_screen(view, center),
@@ -146,19 +186,42 @@ impl Judged {
             phase: scene.phase(site),
             blur: scene.blur(site),
             fades: scene.style.fidelity == FlowFidelity::Smooth,
-            shares: shares(scene, thresholds, site)?,
-            color: scene.color(site)?,
+            shares: shares.unwrap_or_default(),
+            color: color.unwrap_or_default(),
+            flows,
+            kernel,
         })
     }
 
-    /// The opacity at a place on the screen, of a pattern of opacity 1.
-    fn opacity(&self, at: DVec2, icons: &[JudgedIcon]) -> f64 {
+    /// Premultiplied colour and opacity where the window and the icon have these values.
+    fn light(&self, window: f64, icon: f64) -> [f64; 4] {
+        let Some(JudgedKernel { color, depths, is_printed }) = &self.kernel else {
+            return [self.color[0] * icon, self.color[1] * icon, self.color[2] * icon, icon];
+        };
+        let of_cloud = 1.0 - (-depths[1]).exp();
+        let of_kernel = if *is_printed { of_cloud * window } else { 1.0 - (-depths[0] * window).exp() };
+        let alpha = (1.0 - icon) * of_kernel + icon * of_cloud;
+        let of = |pri: f64, sec: f64| {
+            if *is_printed {
+                alpha * (pri * (1.0 - icon) + sec * icon)
+            } else {
+                (1.0 - icon) * of_kernel * pri + icon * of_cloud * sec
+            }
+        };
+        [of(color[0], self.color[0]), of(color[1], self.color[1]), of(color[2], self.color[2]), alpha]
+    }
+
+    /// The window at a place on the screen, and the opacity of a pattern of opacity 1.
+    fn seen(&self, at: DVec2, icons: &[JudgedIcon]) -> [f64; 2] {
         let beside = at - self.center;
         let squared = beside.dot(self.form * beside);
         let least = (-0.5 * END * END).exp();
         let window = ((-0.5 * squared).exp() - least) / (1.0 - least);
         if window.is_nan() || window <= 0.0 {
-            return 0.0;
+            return [0.0; 2];
+        }
+        if !self.flows {
+            return [window, 0.0];
         }
         let x = (self.foreshortening * COMPRESSED).min(1.0);
         let contrast = if self.fades { x * x * (3.0 - 2.0 * x) } else { 1.0 };
@@ -177,7 +240,7 @@ impl Judged {
             let pattern = mean(texels, [s * size, t * size], [width, height]);
             share * (contrast * pattern + (1.0 - contrast) * whole)
         });
-        window * each.sum::<f64>()
+        [window, window * each.sum::<f64>()]
     }
 }
 

@@ -50,6 +50,9 @@ fn flow_is_drawn_within_the_volume_by_every_renderer_as_the_judge_draws_it() {
         &["--flow-opacity", "0.2"],
         &["--flow-speed", "1.5"],
         &["--flow-fidelity", "paper"],
+        &["--flow-volume", "splats"],
+        &["--flow-volume", "splats", "--flow-fidelity", "paper"],
+        &["--flow-volume", "none"],
         &["--flow-color", "velocity:mag@viridis"],
         &["--no-volume"],
     ] {

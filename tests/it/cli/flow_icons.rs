@@ -73,9 +73,10 @@ fn a_project_names_icons_beside_its_file_and_another_picture_under_the_name_is_d
     let options = ["--flow-icon", "lines,sub, two/tile.png@-60", "--flow-by", "pressure"];
     assert!(of_project(&[]) == with_flow(&place, &options));
     // Another list of icons has another field, or none.
-    assert!(of_project(&["--flow-icon", "arrows"]) == with_flow(&place, &["--flow-icon", "arrows"]));
-    let by_speed = ["--flow-icon", "lines,arrows@0.8"];
-    assert!(of_project(&by_speed) == with_flow(&place, &by_speed));
+    for icons in ["arrows", "lines,arrows@0.8"] {
+        let options = ["--flow-icon", icons];
+        assert!(of_project(&[&FLOW[..], &options].concat()) == with_flow(&place, &options), "{icons}");
+    }
     let kept = |options: &[&str]| {
         let words = ["render", "sub, two/p.toml", "-o", "k.png", "--resume", "--stats", "s.json"];
         place.ok(&[&words[..], &size, options].concat());
@@ -85,7 +86,8 @@ fn a_project_names_icons_beside_its_file_and_another_picture_under_the_name_is_d
     write(&tile, png::ColorType::Grayscale, stripes(9, 32));
     assert_eq!([kept(&[]), kept(&[])], [false, true], "it is another picture");
     std::fs::rename(&tile, place.path("moved.png")).unwrap();
-    assert!(kept(&["--flow-icon", "lines,moved.png@-60", "--flow-by", "pressure"]), "it is the same picture");
+    let moved = ["--flow-icon", "lines,moved.png@-60", "--flow-by", "pressure"];
+    assert!(kept(&[&FLOW[..], &moved].concat()), "it is the same picture");
     std::fs::write(place.path("sub, two/bad.toml"), project.replace("lines,tile", "fish,tile")).unwrap();
     let words = ["render", "sub, two/bad.toml", "-o", "x.png", "--steps", "1"];
     place.refuses(&words, &["bad.toml", "line 7", "'fish'", "strokes, lines, particles or arrows"]);

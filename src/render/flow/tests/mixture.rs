@@ -29,7 +29,7 @@ fn agree(mesh: &Arc<Mesh>, camera: &Camera, found: &FlowScene, judged: &FlowScen
     let job = job(mesh, camera, (40, 32));
     let view = job.local_view();
     let [(found, drawn), (judged, asked)] = [found.fragments(&view).unwrap(), flow_fragments(judged, &view).unwrap()];
-    assert!(drawn.splats > 10 && drawn.splats <= asked.splats && found.count() > 1000);
+    assert!(drawn.splats > 5 && drawn.splats <= asked.splats && found.count() > 100, "{drawn:?} {}", found.count());
     let expected = image(&mut Reference::new(), &job, judged);
     is_within(difference(&image(&mut Raycast::new(), &job, found), &expected))
 }
@@ -37,17 +37,23 @@ fn agree(mesh: &Arc<Mesh>, camera: &Camera, found: &FlowScene, judged: &FlowScen
 #[test]
 fn several_icons_and_the_users_agree_with_the_judge() {
     let mesh = mesh(4);
-    // Speeds are between 0.1 and 1.6.
-    let by_speed = with_icons(&mesh, icons([0.5, 1.0], 0.4), None);
+    let plain = scene(&mesh, FlowStyle::default(), vortex);
+    let mut speeds: Vec<f64> = plain.sites().into_iter().map(|site| plain.vector(site).length()).collect();
+    speeds.sort_by(f64::total_cmp);
+    // A third of the vertices is below the first threshold, another one between both.
+    let [low, high] = [1, 2].map(|third| speeds[third * speeds.len() / 3]);
+    let by = |low| with_icons(&mesh, icons([low, high], 0.6 * (high - low)), None);
+    let by_speed = by(low);
     let mixes: Vec<_> = by_speed.sites().into_iter().filter_map(|vertex| by_speed.mix(vertex)).collect();
     for (icon, is_mixed) in [(0, true), (1, true), (2, false)] {
-        assert!(mixes.iter().filter(|mix| mix.icon == icon && (mix.share > 0.0) == is_mixed).count() > 10);
+        assert!(mixes.iter().filter(|mix| mix.icon == icon && (mix.share > 0.0) == is_mixed).count() > 5);
     }
-    let heights = mesh.positions.local.iter().map(|p| if p.x > 0.6 { f32::NAN } else { p.y }).collect();
-    let by_height = with_icons(&mesh, icons([-0.4, 0.3], 0.0), Some(heights));
+    let height = |(vertex, p): (usize, &glam::Vec3)| if vertex % 7 == 0 { f32::NAN } else { p.y };
+    let heights = mesh.positions.local.iter().enumerate().map(height).collect();
+    let by_height = with_icons(&mesh, icons([-0.2, 0.15], 0.0), Some(heights));
     let users = with_icons(&mesh, alone(picture()), None);
     let others = [
-        with_icons(&mesh, icons([0.52, 1.0], 0.4), None),
+        by(0.9 * low + 0.1 * high),
         FlowScene { mixture: users.mixture.clone(), ..by_height.clone() },
         with_icons(&mesh, alone(Pattern::Icon(Icon::Lines)), None),
     ];
