@@ -41,7 +41,6 @@ pub(crate) mod test_series;
 mod text;
 mod time;
 mod transparent;
-mod travel;
 mod unconnected;
 #[cfg(feature = "gpu")]
 mod window_gpu;

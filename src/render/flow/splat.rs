@@ -90,15 +90,10 @@ impl Splat {
         if !(form.iter().all(|f| f.is_finite()) && period > 0.0 && xx.is_finite() && yy.is_finite()) {
             return None;
         }
-        let kernel = match &scene.kernels {
-            None => None,
-            Some(kernels) => {
-                // A kernel without extinction shows nothing, nor does its icon.
-                let node = kernels.node(site).filter(|node| node.tau > 0.0)?;
-                let on_screen = screen.kernel(&shape, determinant, kernels.volumes[site as usize], scene);
-                Some(Kernel::of(node, &on_screen, scene.style.fidelity))
-            }
-        };
+        let kernel = scene.kernels.is_some().then(|| screen.kernel(scene, site, &shape, determinant));
+        if kernel.as_ref().is_some_and(Option::is_none) {
+            return None;
+        }
         let projected = screen.project(direction);
         let length = projected.length();
         let foreshortening = length / screen.per_unit;
@@ -121,7 +116,7 @@ impl Splat {
             mix: mix.unwrap_or_default(),
             color: color.unwrap_or_default(),
             flows,
-            kernel,
+            kernel: kernel.flatten(),
         })
     }
 
@@ -182,9 +177,11 @@ impl Screen {
         Self { center, rows, per_unit, length_per_depth }
     }
 
-    /// How a kernel of this shape lies on the screen, of which the covariance there has this determinant, for a site of this volume (local
-    /// units).
-    fn kernel(&self, shape: &Symmetric, determinant: f64, volume: f64, scene: &FlowScene) -> OnScreen {
+    /// The kernel of a site, of this shape in space, whose covariance on the screen has this determinant; `None` without extinction: it shows
+    /// nothing, nor does its icon.
+    fn kernel(&self, scene: &FlowScene, site: u32, shape: &Symmetric, determinant: f64) -> Option<Kernel> {
+        let kernels = scene.kernels.as_ref()?;
+        let node = kernels.node(site).filter(|node| node.tau > 0.0)?;
         let scale = scene.mesh.positions.scale;
         // Of all places on the ray, which is along n, the Gaussian has a width of 1 / sqrt(n^T S^-1 n) for n of length 1.
         let n = self.rows[0].cross(self.rows[1]).normalize_or_zero();
@@ -192,8 +189,9 @@ impl Screen {
         let determinant_of_shape = (0..3).map(|i| shape[i] * adjugate[i]).sum::<f64>().max(0.0);
         let squared = determinant_of_shape / n.dot(times(&adjugate, n));
         let width = if squared.is_finite() { scale * squared.sqrt() } else { 0.0 };
-        let volume = scale * volume * self.per_unit.powi(2) * self.length_per_depth;
-        OnScreen { width, area: determinant.sqrt(), volume }
+        let volume = scale * kernels.volumes[site as usize] * self.per_unit.powi(2) * self.length_per_depth;
+        let on_screen = OnScreen { width, area: determinant.sqrt(), volume };
+        Some(Kernel::of(node, &on_screen, scene.style.fidelity))
     }
 
     fn project(&self, way: DVec3) -> DVec2 {

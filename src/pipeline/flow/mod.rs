@@ -1,29 +1,21 @@
 //! Layers of flow: their vectors at a time, the way that these have travelled, and their fragments in a view.
 
+mod decode;
+mod order;
+mod travel;
+
+pub(super) use decode::{DecodeFlow, FlowValues};
+pub(super) use order::OrderFlow;
+
 use super::distribution::speeds;
 use super::series::Series;
-use super::steps::{StepCache, StepCaches};
-use super::travel::{Speeds, Travel};
-use super::{ColorsBeside, FrameTime, PipelineError, RequestError, TetLayer};
-use crate::camera::View;
-use crate::field::{Association, Component, FieldSelector, Scalars};
-use crate::mesh::{Mesh, Plane};
-use crate::node_table::NodeTable;
-use crate::render::LayerFragments;
-use crate::render::flow::{
-    self, FlowColors, FlowIcons, FlowScene, FlowStyle, FlowVolume, HeldFlow, Kernels, Mixture, Pattern, Shapes,
-    Thresholds,
-};
-use crate::render::reference::flow_fragments;
-use crate::render::surfaces::FieldBeside;
-use crate::stats::FrameStats;
-use crate::store::{StoredField, StoredTravel};
+use super::{ColorsBeside, PipelineError, RequestError};
+use crate::field::{Association, Component, FieldSelector};
+use crate::render::flow::{self, FlowIcons, FlowStyle, FlowVolume, Pattern, Thresholds};
+use crate::store::StoredField;
 use crate::task::Cancel;
-use crate::visibility::CellSet;
-use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use std::sync::{Arc, Weak};
-use std::time::Instant;
+use std::sync::Arc;
 
 /// A field of vectors as textured splats ([`crate::render::flow`]).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -171,160 +163,6 @@ pub fn vector_fields(fields: &[StoredField]) -> Vec<&str> {
     names.filter(|name| has(name, 1) && has(name, 2) && !has(name, 3)).collect()
 }
 
-/// What a layer of flow shows at a time.
-#[derive(Clone, Debug)]
-pub(super) struct FlowValues {
-    style: FlowStyle,
-    held: HeldFlow,
-    sites: Association,
-    vectors: [Arc<Vec<f32>>; 3],
-    travel: Arc<Vec<f64>>,
-    mixture: Option<Mixture>,
-    colors: FlowColors,
-}
-
-impl FlowValues {
-    /// Refuses kernels without a scalar at each site, or without colours of their own.
-    pub(super) fn check_volume(&self, series: &Series, layer: &TetLayer) -> Result<(), RequestError> {
-        if self.style.volume != FlowVolume::Splats {
-            return Ok(());
-        }
-        let refused = |problem: &str| Err(RequestError::Flow(format!("{problem}; choose the volume 'exact'")));
-        if series.values_of() != self.sites {
-            return refused(
-                "splats can be the volume only where vectors and scalars are both of vertices or both of cells",
-            );
-        }
-        if layer.table.joint().is_some() {
-            return refused("splats cannot be the volume with a transfer function of more than the scalar");
-        }
-        Ok(())
-    }
-}
-
-/// The first stage of flow: decodes.
-#[derive(Debug, Default)]
-pub(super) struct DecodeFlow {
-    /// Field of `components` and `travel`.
-    field: String,
-    of: Weak<Mesh>,
-    components: [StepCache; 3],
-    /// The series of the first component of `travel`.
-    travel_of: Weak<Series>,
-    travel: Travel,
-    beside: StepCaches,
-}
-
-impl DecodeFlow {
-    /// The values of a layer at a time; `None` if it is transparent, of which nothing is decoded.
-    ///
-    /// # Errors
-    /// If the series has no such vectors, or no such colours beside them, or they cannot be read, or `Cancelled`.
-    pub(super) fn run(
-        &mut self,
-        series: &Arc<Series>,
-        layer: &FlowLayer,
-        time: FrameTime,
-        cancel: &Cancel,
-        stats: &mut FrameStats,
-    ) -> Result<Option<FlowValues>, PipelineError> {
-        if !layer.is_seen() {
-            return Ok(layer.check(series).map(|()| None)?);
-        }
-        self.turn_to(series, layer);
-        let fields = vector_components(series, &layer.field)?;
-        if self.travel_of.as_ptr() != Arc::as_ptr(&fields[0]) {
-            self.travel.turn_to(stored_travel(&fields));
-            self.travel_of = Arc::downgrade(&fields[0]);
-        }
-        let sites = fields[0].values_of();
-        let of_beside = [layer.colors.as_ref().map(|of| &of.field), layer.icons.as_ref().and_then(|of| of.by.as_ref())];
-        self.beside.keep(|field| of_beside.into_iter().flatten().any(|of| of == field));
-        let colors = self.colors(series, (layer, &fields[0]), time, cancel, stats)?;
-        let mixture = self.mixture(series, (layer, &fields[0]), time, cancel, stats)?;
-        let Self { components, travel, .. } = self;
-        let mut vectors = |time: FrameTime| vectors(components, &fields, time, cancel, stats);
-        let mut speeds = |step: usize| Ok::<_, PipelineError>(vectors(step.into())?.map(|vectors| speeds_of(&vectors)));
-        let way = travel.at(&series.times, time, &mut speeds);
-        // Sums that were made before it was cancelled, too.
-        travel.keep();
-        let travel = way?.ok_or(PipelineError::Cancelled)?;
-        let vectors = vectors(time)?.ok_or(PipelineError::Cancelled)?;
-        stats.flow_still = is_still(&vectors);
-        let held = HeldFlow { time: layer.held, shutter: layer.shutter };
-        Ok(Some(FlowValues { style: layer.style, held, sites, vectors, travel, mixture, colors }))
-    }
-
-    /// The vector at a point of a cell: linear between its vertices, NaN where one of them is, or that of the cell.
-    ///
-    /// # Errors
-    /// As [`Self::run`], and if there is no such cell.
-    pub(super) fn vector(
-        &mut self,
-        series: &Arc<Series>,
-        layer: &FlowLayer,
-        time: FrameTime,
-        (cell, weights): (u32, [f64; 4]),
-        cancel: &Cancel,
-    ) -> Result<DVec3, PipelineError> {
-        self.turn_to(series, layer);
-        let fields = vector_components(series, &layer.field)?;
-        let found = vectors(&mut self.components, &fields, time, cancel, &mut FrameStats::default())?;
-        let vectors = found.ok_or(PipelineError::Cancelled)?;
-        let no_cell = || RequestError::Flow(format!("there is no cell {cell}"));
-        let [x, y, z] = vectors.map(|of| fields[0].value_at(&of, cell, weights));
-        Ok(DVec3::new(x.ok_or_else(no_cell)?, y.ok_or_else(no_cell)?, z.ok_or_else(no_cell)?))
-    }
-
-    /// Forgets what is of another mesh or field.
-    fn turn_to(&mut self, series: &Series, layer: &FlowLayer) {
-        if self.of.as_ptr() != Arc::as_ptr(&series.mesh) || self.field != layer.field {
-            *self = Self { field: layer.field.clone(), of: Arc::downgrade(&series.mesh), ..Self::default() };
-        }
-    }
-
-    fn colors(
-        &mut self,
-        series: &Series,
-        (layer, vectors): (&FlowLayer, &Series),
-        time: FrameTime,
-        cancel: &Cancel,
-        stats: &mut FrameStats,
-    ) -> Result<FlowColors, PipelineError> {
-        let Some(ColorsBeside { field, colors }) = &layer.colors else { return Ok(FlowColors::One(FlowStyle::COLOR)) };
-        let scalars = self.scalars(series, (field, vectors), time, cancel, stats)?;
-        Ok(FlowColors::Of(FieldBeside { scalars, colors: colors.clone() }))
-    }
-
-    fn mixture(
-        &mut self,
-        series: &Series,
-        (layer, vectors): (&FlowLayer, &Series),
-        time: FrameTime,
-        cancel: &Cancel,
-        stats: &mut FrameStats,
-    ) -> Result<Option<Mixture>, PipelineError> {
-        let Some(icons) = &layer.icons else { return Ok(None) };
-        let mut values = |field: &String| self.scalars(series, (field, vectors), time, cancel, stats);
-        let values = icons.by.as_ref().map(&mut values).transpose()?;
-        Ok(Some(Mixture { icons: icons.clone(), values }))
-    }
-
-    /// The values of another field at a time, of what has the vectors.
-    fn scalars(
-        &mut self,
-        series: &Series,
-        (field, vectors): (&str, &Series),
-        time: FrameTime,
-        cancel: &Cancel,
-        stats: &mut FrameStats,
-    ) -> Result<Scalars, PipelineError> {
-        let other = beside(series, &selector(field), vectors)?;
-        let values = self.beside.of(field).show(&other, time, None, cancel, stats)?.ok_or(PipelineError::Cancelled)?;
-        Ok(other.scalars(values))
-    }
-}
-
 /// The field that options name so.
 fn selector(name: &str) -> FieldSelector {
     let Ok(field) = name.parse();
@@ -349,22 +187,6 @@ fn beside(series: &Series, field: &FieldSelector, vectors: &Series) -> Result<Ar
     )))
 }
 
-/// The components of vectors at a time, decoded by these; `None` if `cancel` was raised.
-fn vectors(
-    components: &mut [StepCache; 3],
-    fields: &[Arc<Series>; 3],
-    time: FrameTime,
-    cancel: &Cancel,
-    stats: &mut FrameStats,
-) -> Result<Option<[Arc<Vec<f32>>; 3]>, PipelineError> {
-    let mut found = [const { None }; 3];
-    for ((found, steps), field) in found.iter_mut().zip(components).zip(fields) {
-        *found = steps.show(field, time, None, cancel, stats)?;
-    }
-    let [Some(x), Some(y), Some(z)] = found else { return Ok(None) };
-    Ok(Some([x, y, z]))
-}
-
 /// The components of a field of vectors, with cells around.
 pub(crate) fn vector_components(series: &Series, field: &str) -> Result<[Arc<Series>; 3], RequestError> {
     if series.mesh.is_cloud() {
@@ -384,115 +206,6 @@ pub(crate) fn vector_components(series: &Series, field: &str) -> Result<[Arc<Ser
         return Err(RequestError::Flow(format!("'{field}' is no field of vectors: {problem}")));
     }
     Ok(found)
-}
-
-/// Whether all vectors are 0, or not finite.
-fn is_still([x, y, z]: &[Arc<Vec<f32>>; 3]) -> bool {
-    let flows = |vector: [f32; 3]| vector.iter().all(|c| c.is_finite()) && vector.iter().any(|c| *c != 0.0);
-    !x.iter().zip(&**y).zip(&**z).any(|((x, y), z)| flows([*x, *y, *z]))
-}
-
-/// The ways of vectors that their store has; `None` if they are of no store that keeps any.
-fn stored_travel(components: &[Arc<Series>; 3]) -> Option<StoredTravel> {
-    let [x, y, z] = components.each_ref().map(|of| of.source.reader());
-    StoredTravel::of([x?, y?, z?], &components[0].times)
-}
-
-/// The lengths of vectors; 0 where they are not finite.
-fn speeds_of([x, y, z]: &[Arc<Vec<f32>>; 3]) -> Speeds {
-    let length = |((x, y), z): ((&f32, &f32), &f32)| {
-        let length = [x, y, z].iter().map(|&&c| f64::from(c).powi(2)).sum::<f64>().sqrt();
-        if length.is_finite() { length } else { 0.0 }
-    };
-    Arc::new(x.iter().zip(&**y).zip(&**z).map(length).collect())
-}
-
-/// The second stage of flow: fragments, and what they are found by from request to request.
-#[derive(Debug, Default)]
-pub(super) struct OrderFlow {
-    of: Weak<Mesh>,
-    sites: Option<Association>,
-    shapes: Option<Arc<Shapes>>,
-    chosen: Option<(u32, Arc<Vec<u32>>)>,
-    /// The volumes that splats stand for, for a number of them.
-    volumes: Option<(Option<u32>, Arc<Vec<f64>>)>,
-    cells: Weak<CellSet>,
-    shown: Arc<Vec<bool>>,
-}
-
-impl OrderFlow {
-    /// The fragments of a view, by the judge if the frame is the judge's. Splats are in the cells that are shown, or at their vertices.
-    ///
-    /// # Errors
-    /// If they are too many.
-    pub(super) fn fragments(
-        &mut self,
-        values: FlowValues,
-        (mesh, cells): (&Arc<Mesh>, &Arc<CellSet>),
-        (scalars, table): (&Scalars, &Arc<NodeTable>),
-        clips: &[Plane],
-        (local_view, is_judged): (&View, bool),
-        stats: &mut FrameStats,
-    ) -> Result<LayerFragments, PipelineError> {
-        let started = Instant::now();
-        let FlowValues { style, held, sites, vectors, travel, mixture, colors } = values;
-        if self.of.as_ptr() != Arc::as_ptr(mesh) || self.sites != Some(sites) {
-            *self = Self { of: Arc::downgrade(mesh), sites: Some(sites), ..Self::default() };
-        }
-        if self.cells.as_ptr() != Arc::as_ptr(cells) {
-            self.shown = Arc::new(shown(mesh, sites, cells));
-            self.cells = Arc::downgrade(cells);
-        }
-        let shapes = self.shapes.get_or_insert_with(|| Arc::new(Shapes::of(mesh, sites))).clone();
-        let chosen = style.splats.map(|count| match self.chosen.take() {
-            Some((of, chosen)) if of == count => (count, chosen),
-            _ => (count, Arc::new(flow::chosen(mesh, sites, count))),
-        });
-        self.chosen.clone_from(&chosen);
-        let kernels = (style.volume == FlowVolume::Splats).then(|| {
-            let (count, volumes) =
-                self.volumes.take().filter(|(count, _)| *count == style.splats).unwrap_or_else(|| {
-                    (
-                        style.splats,
-                        Arc::new(flow::volumes_of_splats(mesh, sites, style.splats.map(|count| count as usize))),
-                    )
-                });
-            self.volumes = Some((count, volumes.clone()));
-            Kernels { scalars: scalars.clone(), table: table.clone(), volumes }
-        });
-        let scene = FlowScene {
-            style,
-            mixture,
-            mesh: mesh.clone(),
-            vectors,
-            travel,
-            held,
-            colors,
-            kernels,
-            shapes,
-            shown: self.shown.clone(),
-            chosen: chosen.map(|(_, chosen)| chosen),
-            clips: clips.to_vec(),
-        };
-        let (fragments, counts) =
-            if is_judged { flow_fragments(&scene, local_view)? } else { scene.fragments(local_view)? };
-        (stats.flow_splats, stats.flow_fast) = (counts.splats, counts.fast);
-        stats.flow_fragments = fragments.count() as u64;
-        stats.ms_flow = started.elapsed().as_secs_f64() * 1e3;
-        Ok(fragments)
-    }
-}
-
-/// Whether each site is a cell of a set, or a vertex of one.
-fn shown(mesh: &Mesh, sites: Association, cells: &CellSet) -> Vec<bool> {
-    if sites == Association::Cell {
-        return (0..mesh.topology.tets.len() as u32).map(|cell| cells.contains(cell)).collect();
-    }
-    let mut shown = vec![false; mesh.positions.local.len()];
-    for (_, tet) in mesh.topology.tets.iter().enumerate().filter(|(cell, _)| cells.contains(*cell as u32)) {
-        tet.iter().for_each(|&vertex| shown[vertex as usize] = true);
-    }
-    shown
 }
 
 #[cfg(test)]

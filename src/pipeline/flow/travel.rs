@@ -6,8 +6,8 @@
 //!
 //! A thread gives the sums to the store; until they are there, and where they cannot be, they are in memory.
 
-use super::FrameTime;
 use crate::field::TimeAxis;
+use crate::pipeline::FrameTime;
 use crate::store::StoredTravel;
 use std::sync::Arc;
 use std::thread::JoinHandle;

@@ -1,0 +1,110 @@
+//! The second stage of flow: its fragments in a view.
+
+use super::FlowValues;
+use crate::camera::View;
+use crate::field::{Association, Scalars};
+use crate::mesh::{Mesh, Plane};
+use crate::node_table::NodeTable;
+use crate::pipeline::PipelineError;
+use crate::render::LayerFragments;
+use crate::render::flow::{self, FlowScene, FlowVolume, Kernels, Shapes};
+use crate::render::reference::flow_fragments;
+use crate::stats::FrameStats;
+use crate::visibility::CellSet;
+use std::sync::{Arc, Weak};
+use std::time::Instant;
+
+/// The second stage of flow: fragments, and what they are found by from request to request.
+#[derive(Debug, Default)]
+pub(in crate::pipeline) struct OrderFlow {
+    of: Weak<Mesh>,
+    sites: Option<Association>,
+    shapes: Option<Arc<Shapes>>,
+    chosen: Option<(u32, Arc<Vec<u32>>)>,
+    /// The volumes that splats stand for, for a number of them.
+    volumes: Option<(Option<u32>, Arc<Vec<f64>>)>,
+    cells: Weak<CellSet>,
+    shown: Arc<Vec<bool>>,
+}
+
+impl OrderFlow {
+    /// The fragments of a view, by the judge if the frame is the judge's. Splats are in the cells that are shown, or at their vertices; where
+    /// they are the volume they show these scalars by this table.
+    ///
+    /// # Errors
+    /// If they are too many.
+    pub(in crate::pipeline) fn fragments(
+        &mut self,
+        values: FlowValues,
+        (mesh, cells): (&Arc<Mesh>, &Arc<CellSet>),
+        (scalars, table): (&Scalars, &Arc<NodeTable>),
+        clips: &[Plane],
+        (local_view, is_judged): (&View, bool),
+        stats: &mut FrameStats,
+    ) -> Result<LayerFragments, PipelineError> {
+        let started = Instant::now();
+        let FlowValues { style, held, sites, vectors, travel, mixture, colors } = values;
+        if self.of.as_ptr() != Arc::as_ptr(mesh) || self.sites != Some(sites) {
+            *self = Self { of: Arc::downgrade(mesh), sites: Some(sites), ..Self::default() };
+        }
+        if self.cells.as_ptr() != Arc::as_ptr(cells) {
+            self.shown = Arc::new(shown(mesh, sites, cells));
+            self.cells = Arc::downgrade(cells);
+        }
+        let kernels = (style.volume == FlowVolume::Splats).then(|| Kernels {
+            scalars: scalars.clone(),
+            table: table.clone(),
+            volumes: self.volumes(mesh, sites, style.splats),
+        });
+        let scene = FlowScene {
+            style,
+            mixture,
+            mesh: mesh.clone(),
+            vectors,
+            travel,
+            held,
+            colors,
+            kernels,
+            shapes: self.shapes.get_or_insert_with(|| Arc::new(Shapes::of(mesh, sites))).clone(),
+            shown: self.shown.clone(),
+            chosen: style.splats.map(|count| self.chosen(mesh, sites, count)),
+            clips: clips.to_vec(),
+        };
+        let (fragments, counts) =
+            if is_judged { flow_fragments(&scene, local_view)? } else { scene.fragments(local_view)? };
+        (stats.flow_splats, stats.flow_fast) = (counts.splats, counts.fast);
+        stats.flow_fragments = fragments.count() as u64;
+        stats.ms_flow = started.elapsed().as_secs_f64() * 1e3;
+        Ok(fragments)
+    }
+
+    /// The sites of a number of splats.
+    fn chosen(&mut self, mesh: &Mesh, sites: Association, count: u32) -> Arc<Vec<u32>> {
+        let known = self.chosen.take().filter(|(of, _)| *of == count);
+        let chosen = known.map_or_else(|| Arc::new(flow::chosen(mesh, sites, count)), |(_, chosen)| chosen);
+        self.chosen = Some((count, chosen.clone()));
+        chosen
+    }
+
+    /// The volumes that sites stand for, of a number of splats or of all.
+    fn volumes(&mut self, mesh: &Mesh, sites: Association, count: Option<u32>) -> Arc<Vec<f64>> {
+        let known = self.volumes.take().filter(|(of, _)| *of == count);
+        let splats = count.map(|count| count as usize);
+        let made = || Arc::new(flow::volumes_of_splats(mesh, sites, splats));
+        let volumes = known.map_or_else(made, |(_, volumes)| volumes);
+        self.volumes = Some((count, volumes.clone()));
+        volumes
+    }
+}
+
+/// Whether each site is a cell of a set, or a vertex of one.
+fn shown(mesh: &Mesh, sites: Association, cells: &CellSet) -> Vec<bool> {
+    if sites == Association::Cell {
+        return (0..mesh.topology.tets.len() as u32).map(|cell| cells.contains(cell)).collect();
+    }
+    let mut shown = vec![false; mesh.positions.local.len()];
+    for (_, tet) in mesh.topology.tets.iter().enumerate().filter(|(cell, _)| cells.contains(*cell as u32)) {
+        tet.iter().for_each(|&vertex| shown[vertex as usize] = true);
+    }
+    shown
+}
