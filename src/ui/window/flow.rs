@@ -1,10 +1,11 @@
 //! Flow: vectors, pattern, splats and colours.
 
 use super::overlay;
-use super::widgets::{chosen, labelled, number};
+use super::widgets::{choice, chosen, labelled, number};
+use crate::field::Association;
 use crate::look::FlowLook;
-use crate::pipeline::vector_fields;
-use crate::render::flow::{FlowStyle, Icon};
+use crate::pipeline::{FlowLayer, vector_fields};
+use crate::render::flow::{FlowStyle, FlowVolume, Icon};
 use crate::render::surfaces::ByField;
 use crate::ui::tracks::{KeyValue, Track};
 use crate::ui::{Action, Session};
@@ -38,7 +39,7 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     let Some(before) = flow else { return };
     let mut flow = before.clone();
     pattern(ui, session, &mut flow);
-    splats(ui, session, &mut flow.layer.style, actions);
+    splats(ui, session, &mut flow.layer, actions);
     if flow != *before {
         actions.push(Action::Flow(Some(Box::new(flow))));
     }
@@ -114,14 +115,27 @@ fn picture(ui: &Ui, icon: Icon) -> TextureHandle {
     made
 }
 
-/// Number, size and opacity of splats.
-fn splats(ui: &mut Ui, session: &Session, style: &mut FlowStyle, actions: &mut Vec<Action>) {
-    let vertices = session.series().mesh().positions.local.len().try_into().unwrap_or(u32::MAX);
-    let mut count = style.splats.unwrap_or(vertices).min(vertices);
-    let slider = Slider::new(&mut count, 1..=vertices.max(1)).logarithmic(true);
+/// What has the vectors of a field.
+fn sites(session: &Session, field: &str) -> Option<Association> {
+    let component = format!("{field}:0");
+    session.store().fields().iter().find(|field| field.name == component).map(|field| field.values_of)
+}
+
+/// Number, size and opacity of splats, and what shows the scalars.
+fn splats(ui: &mut Ui, session: &Session, FlowLayer { field, style, .. }: &mut FlowLayer, actions: &mut Vec<Action>) {
+    let mesh = session.series().mesh();
+    let most = match sites(session, field) {
+        Some(Association::Cell) => mesh.topology.tets.len(),
+        Some(Association::Point) | None => mesh.positions.local.len(),
+    };
+    let most = most.try_into().unwrap_or(u32::MAX);
+    let mut count = style.splats.unwrap_or(most).min(most);
+    let slider = Slider::new(&mut count, 1..=most.max(1)).logarithmic(true);
     if labelled(ui.add(slider), "Splats").on_hover_text("Number of splats, evenly through the volume").changed() {
-        style.splats = Some(count).filter(|count| *count < vertices);
+        style.splats = Some(count).filter(|count| *count < most);
     }
+    let volumes = [(FlowVolume::Exact, "cells"), (FlowVolume::Splats, "splats"), (FlowVolume::None, "nothing")];
+    choice(ui, "The scalar is shown by", &mut style.volume, &volumes);
     ui.horizontal(|ui| {
         // What was chosen elsewhere stays as it is, whatever can be dragged to here.
         let value = DragValue::new(&mut style.size).range(0.05..=10.0).clamp_existing_to_range(false);
@@ -142,12 +156,10 @@ fn splats(ui: &mut Ui, session: &Session, style: &mut FlowStyle, actions: &mut V
 
 /// The field that colours splats.
 fn colors(ui: &mut Ui, session: &Session, flow: &FlowLook, actions: &mut Vec<Action>) {
-    let fields = session.store().fields();
     // Vectors of cells have the colours of fields of cells, and those of vertices of vertices.
-    let component = format!("{}:0", flow.layer.field);
-    let sites = fields.iter().find(|field| field.name == component).map(|field| field.values_of);
-    let names: Vec<&str> =
-        fields.iter().filter(|field| Some(field.values_of) == sites).map(|field| field.name.as_str()).collect();
+    let sites = sites(session, &flow.layer.field);
+    let fields = session.store().fields().iter().filter(|field| Some(field.values_of) == sites);
+    let names: Vec<&str> = fields.map(|field| field.name.as_str()).collect();
     let shown = flow.layer.colors.as_ref().map(|colors| colors.field.as_str());
     let mut options = vec![(None, "orange")];
     options.extend(names.into_iter().map(|name| (Some(name), name)));
