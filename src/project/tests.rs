@@ -138,12 +138,8 @@ fn faults_of_a_file_are_named_with_their_line() {
         ("weight = 0.3333333333333333", "weight = -1", "a weight of -1"),
         ("weight = 0.3333333333333333", "weight = nan", "a weight of NaN"),
         ("lod = 0.5", "lod = 1.5", "a level of detail of 1.5"),
-        (
-            "icon = \"lines\"",
-            "icons = \"lines\"",
-            "unknown field `icons`, expected one of `field`, `icon`, `splats`, `size`",
-        ),
-        ("icon = \"lines\"", "icon = \"fish\"", "fish"),
+        ("icon = \"lines", "icons = \"lines", "unknown field `icons`, expected one of `field`, `icon`, `by`, `splats`"),
+        ("icon = \"lines", "icon = \"fish", "fish"),
         ("color = \"velocity:mag@viridis\"", "color = \"velocity:mag@\"", "velocity:mag@"),
         ("handles = [[0.25, 0.1], [0.3, 1.0]]", "handles = [[0.25, 0.1], [0.3, 1.0], [1, 1]]", "more values"),
     ] {

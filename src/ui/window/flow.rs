@@ -102,7 +102,7 @@ fn icons(ui: &mut Ui, flow: &mut FlowLook) {
 
 /// The picture of an icon, made when it is shown first.
 fn picture(ui: &Ui, icon: Icon) -> TextureHandle {
-    let id = Id::new(("picture of an icon", icon));
+    let id = Id::unique(("picture of an icon", icon));
     if let Some(known) = ui.data(|data| data.get_temp(id)) {
         return known;
     }

@@ -54,12 +54,12 @@ fn flow_is_drawn_within_the_volume_by_every_renderer_as_the_judge_draws_it() {
         &["--flow-volume", "splats", "--flow-fidelity", "paper"],
         &["--flow-volume", "none"],
         &["--flow-color", "velocity:mag@viridis"],
-        &["--no-volume"],
     ] {
         let found = with_flow(options);
         assert!(seen.iter().all(|other| apart(other, &found) > 1e-3), "{options:?} is another image");
         seen.push(found);
     }
+    assert!(with_flow(&["--no-volume"]) == with_flow(&["--flow-volume", "none"]));
 }
 
 #[cfg(feature = "gpu")]
@@ -282,7 +282,7 @@ fn flow_is_in_a_project_and_what_cannot_be_shown_is_refused_with_the_remedy() {
     ]);
     assert!(place.path("h_1.png").exists() && !place.path("h_2.png").exists());
     for (from, to, parts) in [
-        ("icon =", "icons =", &["line 6", "`icons`", "`field`, `icon`, `splats`"][..]),
+        ("icon =", "icons =", &["line 7", "`icons`", "`field`, `icon`, `by`"][..]),
         ("field = \"velocity\"\n", "", &["line 5", "`field`"]),
         ("size = 0.7", "size = 0", &["flow", "size of 0"]),
         ("\"velocity\"", "\"wind\"", &["'wind'", "velocity"]),

@@ -61,8 +61,8 @@ fn a_project_names_icons_beside_its_file_and_another_picture_under_the_name_is_d
     std::fs::create_dir(place.path("sub, two")).unwrap();
     let tile = place.path("sub, two/tile.png");
     write(&tile, png::ColorType::Grayscale, stripes(8, 32));
-    let project = "version = 1\n[data]\nsource = \"../t.zarr\"\nfield = \"pressure\"\n[look]\nflow = \"velocity\"\n\
-                   flow-icon = \"lines,tile.png@-60\"\nflow-by = \"pressure\"\n";
+    let project = "version = 1\n[data]\nsource = \"../t.zarr\"\nfield = \"pressure\"\n[flow]\nfield = \"velocity\"\n\
+                   icon = \"lines,tile.png@-60\"\nby = \"pressure\"\n";
     std::fs::write(place.path("sub, two/p.toml"), project).unwrap();
     let size = ["--size", "48x36", "--steps", "11"];
     let of_project = |options: &[&str]| {
