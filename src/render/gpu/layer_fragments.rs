@@ -40,11 +40,7 @@ impl LayerTexture {
         job: &RenderJob,
         params: &Params,
     ) -> Result<(bool, u64), RenderError> {
-        let Some(fragments) = &job.fragments else {
-            let made = self.texture.take().is_some();
-            *self = Self::new();
-            return Ok((made, 0));
-        };
+        let Some(fragments) = &job.fragments else { return self.release(context) };
         let origin = params.depth_behind_eye();
         let is_there = |(of, from): &(Weak<LayerFragments>, u64)| {
             of.as_ptr() == Arc::as_ptr(fragments) && *from == origin.to_bits()
@@ -61,6 +57,15 @@ impl LayerTexture {
         let sent = self.write(context);
         self.sent = Some((Arc::downgrade(fragments), origin.to_bits()));
         Ok((made, sent))
+    }
+
+    /// Frees the fragments. Stages that were made for jobs with some are bound to a texture still: a row is left.
+    fn release(&mut self, context: &Context) -> Result<(bool, u64), RenderError> {
+        (self.sent, self.texels) = (None, Vec::new());
+        if self.texture.take_if(|(texture, _)| texture.height() > 1).is_none() {
+            return Ok((false, 0));
+        }
+        Ok((self.reserve(context, 1)?, 0))
     }
 
     /// Makes room for so many rows of texels. Returns whether the texture was made anew.
