@@ -231,7 +231,8 @@ fn parts_that_do_not_belong_together_are_errors() {
 
 #[test]
 fn flow_that_cannot_be_is_an_error() {
-    let changes: [(fn(&mut FlowSettings), &str); 7] = [
+    type Change = fn(&mut FlowSettings);
+    let changes: [(Change, &str); 7] = [
         (|of| of.opacity = Some(1.5), "[flow]: flow has an opacity of 1.5; it lies between 0 and 1"),
         (|of| of.opacity = Some(f64::NAN), "an opacity of NaN"),
         (|of| of.size = Some(0.0), "a size of 0; it must be above zero"),
