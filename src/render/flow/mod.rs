@@ -1,7 +1,7 @@
 //! A field of vectors as textured splats (Xue and Crawfis 2004, after Crawfis and Max 1993).
 //!
-//! A splat lies at each site of a vector, a vertex or the centroid of a cell, as wide as the cells there. It has an icon along the projected vector, and the icon's pattern drifts through the
-//! splat's window, which stays. docs/flow.md derives the formulas.
+//! A splat lies at each site of a vector, a vertex or the centroid of a cell, as wide as the cells there. It has an icon along the projected
+//! vector, and the icon's pattern drifts through the splat's window, which stays. docs/flow.md derives the formulas.
 //!
 //! ```text
 //! for each site with a vector: its splat on the screen            splat.rs

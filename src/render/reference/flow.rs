@@ -1,8 +1,8 @@
 //! The fragments of flow by brute force, in float64: every splat is asked at every pixel, every texel in its box.
 //!
 //! The projection's derivative is that of finite differences, the kernel's form the inverse of a matrix, the pattern a sum over texels: no
-//! tiles, rows, running sums or extents; a cell's splat has the mean of its corners, and of their differences. What a vertex or cell has (vector, colour, place in the pattern) and the constants of docs/flow.md are the
-//! scene's.
+//! tiles, rows, running sums or extents; a cell's splat has the mean of its corners, and of their differences. What a
+//! vertex or cell has (vector, colour, place in the pattern) and the constants of docs/flow.md are the scene's.
 
 use crate::camera::View;
 use crate::field::Association;
