@@ -480,11 +480,10 @@ impl Order {
             let (cells, view) = ((&series.mesh, &finite), job.local_view());
             let seen = (&job.scalars, &domain_colors);
             let drawn = self.flow.fragments(flow, cells, seen, &clips, (&view, by.is_reference()), &mut job.stats)?;
-            let all = match &job.fragments {
-                Some(shells) => shells.with(&drawn),
+            job.fragments = Some(match &job.fragments {
+                Some(shells) => Arc::new(shells.with(&drawn)),
                 None => drawn,
-            };
-            job.fragments = Some(Arc::new(all));
+            });
         }
         job.stats.ms_order = started.elapsed().as_secs_f64() * 1e3;
         let on_image = OnImage::of(request, &job, shading, by);

@@ -21,24 +21,42 @@ pub struct LayerFragment {
     pub rgba: [f32; 4],
 }
 
-/// The fragments of a row of pixels.
-#[derive(Debug, Default)]
-pub(in crate::render) struct RowFragments {
-    /// Per pixel, the end of its fragments.
-    pub(in crate::render) ends: Vec<u32>,
-    /// The fragments of each pixel, nearest first.
+/// The fragments of some pixels that follow each other in a rendered plane.
+#[derive(Clone, Debug, Default)]
+pub(in crate::render) struct ListedFragments {
+    /// For each pixel, where its fragments begin and end.
+    pub(in crate::render) spans: Vec<[u32; 2]>,
+    /// The fragments of each pixel, nearest first, equal depths in layer order.
     pub(in crate::render) fragments: Vec<LayerFragment>,
 }
 
 /// The fragments of all pixels of a rendered plane.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub struct LayerFragments {
-    /// Per pixel, row by row from the top, the end of its fragments; they begin where those of the previous pixel end.
-    ends: Vec<u32>,
-    /// The fragments of each pixel, nearest first, equal depths in layer order.
-    fragments: Vec<LayerFragment>,
+    /// Each pixel's part of a list.
+    pixels: Vec<Span>,
+    /// One list, or one per row of pixels: lists that are made side by side are not copied together.
+    lists: Vec<Vec<LayerFragment>>,
+    /// Fragments of all pixels.
+    count: usize,
     /// Whether light changes from pixel to pixel within a layer, not at its ends alone.
     is_textured: bool,
+}
+
+/// The fragments of a pixel: a part of a list.
+#[derive(Clone, Copy, Debug)]
+struct Span {
+    list: u32,
+    begin: u32,
+    end: u32,
+}
+
+/// Compares the fragments of each pixel, however they are listed.
+impl PartialEq for LayerFragments {
+    fn eq(&self, other: &Self) -> bool {
+        let is_same = |pixel| self.of_pixel(pixel) == other.of_pixel(pixel);
+        (self.pixels(), self.is_textured) == (other.pixels(), other.is_textured) && (0..self.pixels()).all(is_same)
+    }
 }
 
 impl LayerFragments {
@@ -56,33 +74,41 @@ impl LayerFragments {
         }
         // Stable sort: equal depths stay in layer order.
         found.sort_by(|(a, of_a), (b, of_b)| a.cmp(b).then(of_a.depth.total_cmp(&of_b.depth)));
-        let mut ends = Vec::with_capacity(pixels);
+        let mut spans = Vec::with_capacity(pixels);
+        let mut begin = 0;
         for pixel in 0..pixels {
-            let begin = ends.last().map_or(0, |&end| end as usize);
             let count = found[begin..].iter().take_while(|(of, _)| *of as usize == pixel).count();
-            ends.push((begin + count) as u32);
+            spans.push([begin, begin + count].map(|at| at as u32));
+            begin += count;
         }
         let fragments = found.into_iter().map(|(_, fragment)| fragment).collect();
-        Ok(Self { ends, fragments, is_textured: false })
+        Ok(Self::of_lists(vec![ListedFragments { spans, fragments }], false))
     }
 
-    /// The textured fragments of rows of pixels, which follow each other in the rendered plane.
-    pub(in crate::render) fn of_rows(rows: Vec<RowFragments>) -> Self {
-        let mut ends = Vec::with_capacity(rows.iter().map(|row| row.ends.len()).sum());
-        let mut fragments = Vec::with_capacity(rows.iter().map(|row| row.fragments.len()).sum());
-        for row in rows {
-            let before = fragments.len() as u32;
-            ends.extend(row.ends.iter().map(|end| before + end));
-            fragments.extend(row.fragments);
+    /// The fragments of rows of pixels, which follow each other in the rendered plane.
+    pub(in crate::render) fn of_lists(rows: Vec<ListedFragments>, is_textured: bool) -> Self {
+        let mut all = Self { is_textured, ..Self::default() };
+        all.pixels.reserve(rows.iter().map(|row| row.spans.len()).sum());
+        for ListedFragments { spans, fragments } in rows {
+            let list = all.lists.len() as u32;
+            all.count += spans.iter().map(|[begin, end]| (end - begin) as usize).sum::<usize>();
+            all.pixels.extend(spans.into_iter().map(|[begin, end]| Span { list, begin, end }));
+            all.lists.push(fragments);
         }
-        Self { ends, fragments, is_textured: true }
+        all
+    }
+
+    /// Its lists, whose memory others may use.
+    pub(in crate::render) fn into_lists(self) -> Vec<Vec<LayerFragment>> {
+        self.lists
     }
 
     /// These and others of the same plane; at equal depths these lie in front.
     #[must_use]
     pub fn with(&self, others: &Self) -> Self {
-        let mut both = Self { is_textured: self.is_textured || others.is_textured, ..Self::default() };
+        let mut both = ListedFragments::default();
         for pixel in 0..self.pixels() {
+            let begin = both.fragments.len() as u32;
             let (mut front, mut back) = (self.of_pixel(pixel), others.of_pixel(pixel));
             while let (Some(a), Some(b)) = (front.first(), back.first()) {
                 let from = if a.depth <= b.depth { &mut front } else { &mut back };
@@ -91,25 +117,25 @@ impl LayerFragments {
             }
             both.fragments.extend_from_slice(front);
             both.fragments.extend_from_slice(back);
-            both.ends.push(both.fragments.len() as u32);
+            both.spans.push([begin, both.fragments.len() as u32]);
         }
-        both
+        Self::of_lists(vec![both], self.is_textured || others.is_textured)
     }
 
     /// Pixels of the plane.
     pub fn pixels(&self) -> usize {
-        self.ends.len()
+        self.pixels.len()
     }
 
     /// Fragments of all pixels.
     pub fn count(&self) -> usize {
-        self.fragments.len()
+        self.count
     }
 
     /// The fragments of a pixel, nearest first.
     pub fn of_pixel(&self, pixel: usize) -> &[LayerFragment] {
-        let begin = pixel.checked_sub(1).map_or(0, |before| self.ends[before]);
-        &self.fragments[begin as usize..self.ends[pixel] as usize]
+        let Span { list, begin, end } = self.pixels[pixel];
+        &self.lists[list as usize][begin as usize..end as usize]
     }
 }
 

@@ -25,7 +25,12 @@ pub(in crate::pipeline) struct OrderFlow {
     volumes: Option<(Option<u32>, Arc<Vec<f64>>)>,
     cells: Weak<CellSet>,
     shown: Arc<Vec<bool>>,
+    /// The fragments of the last frames.
+    drawn: Vec<Arc<LayerFragments>>,
 }
+
+/// Frames whose fragments may be needed at once: one is rendered while the next one is ordered.
+const FRAMES: usize = 2;
 
 impl OrderFlow {
     /// The fragments of a view, by the judge if the frame is the judge's. Splats are in the cells that are shown, or at their vertices; where
@@ -41,7 +46,7 @@ impl OrderFlow {
         clips: &[Plane],
         (local_view, is_judged): (&View, bool),
         stats: &mut FrameStats,
-    ) -> Result<LayerFragments, PipelineError> {
+    ) -> Result<Arc<LayerFragments>, PipelineError> {
         let started = Instant::now();
         let FlowValues { style, held, sites, vectors, travel, mixture, colors } = values;
         if self.of.as_ptr() != Arc::as_ptr(mesh) || self.sites != Some(sites) {
@@ -71,11 +76,21 @@ impl OrderFlow {
             clips: clips.to_vec(),
         };
         let (fragments, counts) =
-            if is_judged { flow_fragments(&scene, local_view)? } else { scene.fragments(local_view)? };
+            if is_judged { flow_fragments(&scene, local_view)? } else { scene.fragments(local_view, self.spare())? };
         (stats.flow_splats, stats.flow_fast) = (counts.splats, counts.fast);
         stats.flow_fragments = fragments.count() as u64;
         stats.ms_flow = started.elapsed().as_secs_f64() * 1e3;
+        let fragments = Arc::new(fragments);
+        self.drawn.push(fragments.clone());
         Ok(fragments)
+    }
+
+    /// Fragments of a frame that has been rendered.
+    fn spare(&mut self) -> Option<LayerFragments> {
+        let kept = self.drawn.len().saturating_sub(FRAMES);
+        self.drawn.drain(..kept);
+        let free = self.drawn.iter().position(|fragments| Arc::strong_count(fragments) == 1)?;
+        Arc::into_inner(self.drawn.remove(free))
     }
 
     /// The sites of a number of splats.

@@ -6,7 +6,7 @@
 //! ```text
 //! for each site with a vector: its splat on the screen            splat.rs
 //! splats in order of (depth, site)
-//! for each row of pixels: what each splat has there               rows.rs
+//! for each row of pixels: what each splat has there               rows.rs, lanes.rs
 //! ```
 //!
 //! All fragments of a splat are at its centre's depth along the view direction, so that one order holds in every pixel. They reach the cells
@@ -14,6 +14,7 @@
 
 mod icon;
 mod kernel;
+mod lanes;
 mod mixture;
 mod names;
 mod picture;
@@ -317,18 +318,23 @@ impl FlowScene {
         way * self.style.speed / self.mesh.positions.scale / self.period()
     }
 
-    /// The fragments of a view in local coordinates.
+    /// The fragments of a view in local coordinates, in the memory of others that nobody needs, if there are some.
     ///
     /// # Errors
     /// If there are more than memory is for.
-    pub(crate) fn fragments(&self, view: &View) -> Result<(LayerFragments, FlowCounts), RenderError> {
+    pub(crate) fn fragments(
+        &self,
+        view: &View,
+        spare: Option<LayerFragments>,
+    ) -> Result<(LayerFragments, FlowCounts), RenderError> {
         let seen = |site: u32| Splat::of(self, site, view);
         let mut splats: Vec<Splat> = self.sites().into_par_iter().filter_map(seen).collect();
         splats.par_sort_by(|a, b| a.depth.total_cmp(&b.depth).then(a.site.cmp(&b.site)));
         let Thresholds { first, further } = self.patterns();
         let icons: Vec<&IconSums> =
             [&first].into_iter().chain(further.iter().map(|(_, icon)| icon)).map(Pattern::sums).collect();
-        let fragments = rows::fragments(&splats, (&icons, self.style.opacity), view, self.mesh.positions.scale)?;
+        let spare = spare.map(LayerFragments::into_lists).unwrap_or_default();
+        let fragments = rows::fragments(&splats, (&icons, self.style.opacity), view, self.mesh.positions.scale, spare)?;
         let fast = splats.iter().filter(|splat| FlowCounts::is_fast(splat.blur)).count() as u64;
         Ok((fragments, FlowCounts { splats: splats.len() as u64, fast }))
     }

@@ -1,18 +1,20 @@
 //! The fragments of splats, row by row of the image.
 
-use super::super::layers::{LayerFragment, RowFragments};
+use super::super::layers::{LayerFragment, ListedFragments};
 use super::super::{LayerFragments, RenderError};
 use super::IconSums;
-use super::splat::{END, Splat, window};
+use super::lanes::LANES;
+use super::splat::Splat;
 use crate::camera::View;
-use pulp::Arch;
+use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 use std::ops::Range;
 
 /// Most fragments of a frame: 2 GiB in all.
 pub(in crate::render) const MOST: u64 = 1 << 26;
 
-/// The fragments of splats in their order, with all icons of the scene. `per_unit` is the world length of a local unit.
+/// The fragments of splats in their order, with all icons of the scene. `per_unit` is the world length of a local unit. The memory of `spare`
+/// lists is used again: new memory takes the system as long as drawing.
 ///
 /// # Errors
 /// If there would be more than [`MOST`].
@@ -21,6 +23,7 @@ pub(super) fn fragments(
     (icons, opacity): (&[&IconSums], f64),
     view: &View,
     per_unit: f64,
+    mut spare: Vec<Vec<LayerFragment>>,
 ) -> Result<LayerFragments, RenderError> {
     // Before anything is listed: a row of a splat without pixels counts as one, since it is listed, too.
     let most: u64 = splats.par_iter().map(|splat| splat.most_pixels(view)).sum();
@@ -29,71 +32,104 @@ pub(super) fn fragments(
     }
     let by_row = splats_by_row(splats, view.height_px);
     let arch = Arch::new();
-    let of_row = |row: usize| {
-        let mut found = Row::default();
-        // Compiled for each processor: without its instructions that round down, each look-up calls a function several times.
-        arch.dispatch(
-            #[inline(always)]
-            || {
-                for &splat in by_row.of(row) {
-                    splats[splat as usize].row(splat, row, (icons, opacity), view, &mut found);
-                }
-            },
-        );
-        in_pixels(&found, splats, (row, view), per_unit)
+    spare.resize_with(view.height_px, Vec::new);
+    let of_row = |(row, fragments): (usize, Vec<LayerFragment>)| {
+        let row = Row::of(splats, by_row.of(row), (row, view));
+        // Compiled for each processor, with its vectors.
+        arch.dispatch(Draw { row, icons, opacity, per_unit, fragments })
     };
-    let rows = (0..view.height_px).into_par_iter().map(of_row).collect();
-    Ok(LayerFragments::of_rows(rows))
+    let rows = spare.into_par_iter().enumerate().map(of_row).collect();
+    Ok(LayerFragments::of_lists(rows, true))
 }
 
-/// What a splat has on a pixel.
-struct Found {
-    /// Index in the rendered plane.
-    place: u32,
-    splat: u32,
-    /// Opacity of its icon.
-    alpha: f64,
+/// A row of pixels, and the splats on it.
+struct Row<'a> {
+    /// Its number in the image.
+    row: usize,
+    /// The columns that are rendered, then some more, so that [`LANES`] of them begin at each.
+    columns: Vec<u32>,
+    /// The splats in their order, each with the indices of its columns.
+    splats: Vec<(&'a Splat, Range<u32>)>,
 }
 
-/// What splats have in a row.
-#[derive(Default)]
-struct Row {
-    found: Vec<Found>,
-    /// The windows there, if splats have kernels.
-    windows: Vec<f64>,
-}
-
-/// What was found in a row, by pixels, each in the order of the splats.
-fn in_pixels(
-    Row { found, windows }: &Row,
-    splats: &[Splat],
-    (row, view): (usize, &View),
-    per_unit: f64,
-) -> RowFragments {
-    let mut places = view.rendered_in(row, 0..view.width_px).map(|(_, place)| place as u32);
-    // The pixels of a row follow each other in the plane.
-    let Some(first) = places.next() else { return RowFragments::default() };
-    let mut ends = vec![0u32; 1 + places.count()];
-    for of in found {
-        ends[(of.place - first) as usize] += 1;
-    }
-    let mut count = 0;
-    ends.iter_mut().for_each(|end| {
-        count += *end;
-        *end = count - *end;
-    });
-    let mut fragments = vec![LayerFragment { depth: 0.0, rgba: [0.0; 4] }; found.len()];
-    for (i, &Found { place, splat, alpha }) in found.iter().enumerate() {
-        let Splat { depth, color, kernel, .. } = &splats[splat as usize];
-        let rgba = match kernel {
-            None => [color[0] * alpha, color[1] * alpha, color[2] * alpha, alpha],
-            Some(kernel) => kernel.light(windows[i], alpha, *color),
+impl<'a> Row<'a> {
+    fn of(splats: &'a [Splat], of_row: &[u32], (row, view): (usize, &View)) -> Self {
+        let mut columns: Vec<u32> = view.rendered_in(row, 0..view.width_px).map(|(column, _)| column as u32).collect();
+        let is_whole = columns.len() == view.width_px;
+        let index = |column: usize| {
+            if is_whole { column } else { columns.partition_point(|of| (*of as usize) < column) }
         };
-        let next = &mut ends[(place - first) as usize];
-        fragments[*next as usize] = LayerFragment { depth: depth * per_unit, rgba: rgba.map(|c| c as f32) };
-        *next += 1;
+        let on_row = |splat: &'a Splat| {
+            let Range { start, end } = splat.columns(row, view.width_px);
+            (splat, index(start) as u32..index(end) as u32)
+        };
+        let splats = of_row.iter().map(|&splat| on_row(&splats[splat as usize])).filter(|(_, of)| !of.is_empty());
+        let splats = splats.collect();
+        columns.extend([0; LANES]);
+        Self { row, columns, splats }
     }
-    RowFragments { ends, fragments }
+
+    /// For each pixel, as many places as splats may be on it.
+    fn places(&self) -> Vec<[u32; 2]> {
+        let mut more = vec![0i32; self.columns.len() + 1];
+        for (_, columns) in &self.splats {
+            more[columns.start as usize] += 1;
+            more[columns.end as usize] -= 1;
+        }
+        let (mut begin, mut splats) = (0, 0);
+        let pixels = more[..self.columns.len() - LANES].iter();
+        pixels
+            .map(|more| {
+                splats += more;
+                begin += splats as u32;
+                [begin - splats as u32; 2]
+            })
+            .collect()
+    }
+}
+
+/// What is drawn into a row.
+struct Draw<'a> {
+    row: Row<'a>,
+    icons: &'a [&'a IconSums],
+    opacity: f64,
+    per_unit: f64,
+    /// Memory for what is drawn.
+    fragments: Vec<LayerFragment>,
+}
+
+impl NullaryFnOnce for Draw<'_> {
+    type Output = ListedFragments;
+
+    #[inline(always)]
+    fn call(self) -> ListedFragments {
+        let Self { row, icons, opacity, per_unit, mut fragments } = self;
+        let mut spans = row.places();
+        let all = row.splats.iter().map(|(_, columns)| columns.len()).sum();
+        // What was there before lies in no pixel's part.
+        fragments.resize(all, LayerFragment { depth: 0.0, rgba: [0.0; 4] });
+        for (splat, columns) in &row.splats {
+            let line = splat.line(row.row as f64 + 0.5 - splat.center.y);
+            let (icons, opacity) = (splat.icons_of(icons), if splat.flows { opacity as f32 } else { 0.0 });
+            let depth = splat.depth * per_unit;
+            for at in columns.clone().step_by(LANES) {
+                let Some(eight) = row.columns[at as usize..].first_chunk::<LANES>() else { break };
+                let mut dx = [0.0; LANES];
+                for l in 0..LANES {
+                    dx[l] = f64::from(eight[l]) + 0.5 - splat.center.x;
+                }
+                let seen = splat.seen(&dx, &line, icons);
+                let spans = &mut spans[at as usize..columns.end as usize];
+                for (l, [_, end]) in spans.iter_mut().enumerate().take(LANES) {
+                    if let Some(rgba) = splat.light(seen.window[l], opacity * seen.pattern[l]) {
+                        fragments[*end as usize] = LayerFragment { depth, rgba };
+                        *end += 1;
+                    }
+                }
+            }
+        }
+        ListedFragments { spans, fragments }
+    }
 }
 
 /// For each row of an image its splats, in order.
@@ -135,46 +171,35 @@ impl Splat {
 
     /// The rows with pixels of it.
     pub(super) fn rows(&self, height: usize) -> Range<usize> {
-        pixels(self.center.y, self.half_height, height)
+        pixels(self.center.y - self.half_height, self.center.y + self.half_height, height)
     }
 
     /// The columns with pixels of it in a row.
     fn columns(&self, row: usize, width: usize) -> Range<usize> {
-        let [xx, xy, _] = self.form;
-        let dy = row as f64 + 0.5 - self.center.y;
-        // The least squared distance in a row, without a difference that a needle would lose.
-        let (middle, least) = (-xy / xx * dy, (END * dy / self.half_height).powi(2));
-        let half = ((END * END - least).max(0.0) / xx).sqrt();
-        pixels(self.center.x + middle, half, width)
+        let [from, to] = self.ends(&self.line(row as f64 + 0.5 - self.center.y));
+        pixels(self.center.x + from, self.center.x + to, width)
     }
 
-    /// Appends what the splat, number `id`, has in a row, from left to right.
+    /// Premultiplied colour, and opacity, where the window and the icon have these values; `None` where nothing is seen.
     #[inline(always)]
-    fn row(&self, id: u32, row: usize, (icons, opacity): (&[&IconSums], f64), view: &View, to: &mut Row) {
-        let [xx, xy, yy] = self.form;
-        let dy = row as f64 + 0.5 - self.center.y;
-        let icons = self.icons_of(icons);
-        let opacity = if self.flows { opacity } else { 0.0 };
-        for (column, place) in view.rendered_in(row, self.columns(row, view.width_px)) {
-            let dx = column as f64 + 0.5 - self.center.x;
-            let squared = xx * dx * dx + 2.0 * xy * dx * dy + yy * dy * dy;
-            let alpha = opacity * self.mixed([dx, dy], squared, icons);
-            if self.kernel.is_some() {
-                let window = window(squared);
-                if window > 0.0 {
-                    to.windows.push(window);
-                    to.found.push(Found { place: place as u32, splat: id, alpha });
-                }
-            } else if alpha as f32 > 0.0 {
-                to.found.push(Found { place: place as u32, splat: id, alpha });
+    fn light(&self, window: f32, alpha: f32) -> Option<[f32; 4]> {
+        match &self.kernel {
+            None if alpha > 0.0 => {
+                let [r, g, b] = self.color;
+                Some([r as f32 * alpha, g as f32 * alpha, b as f32 * alpha, alpha])
+            }
+            None => None,
+            Some(kernel) => {
+                (window > 0.0).then(|| kernel.light(f64::from(window), f64::from(alpha), self.color).map(|c| c as f32))
             }
         }
     }
 }
 
-/// Pixels whose middle is within half an extent of a place, one more on either side for rounding: the window is zero there.
-fn pixels(middle: f64, half: f64, count: usize) -> Range<usize> {
+/// Pixels whose middle is within an extent, or so little beside it that rounding may decide.
+fn pixels(from: f64, to: f64, count: usize) -> Range<usize> {
+    const BESIDE: f64 = 1.0 / 64.0;
     // Casts saturate.
-    let (first, end) = ((middle - half - 1.0).max(0.0) as usize, (middle + half + 1.0).max(0.0) as usize);
-    first.min(count)..end.min(count)
+    let (first, end) = ((from - 0.5 - BESIDE).ceil().max(0.0) as usize, (to + 0.5 + BESIDE).floor().max(0.0) as usize);
+    first.min(count)..end.min(count).max(first.min(count))
 }

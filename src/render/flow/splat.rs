@@ -29,30 +29,23 @@ pub(in crate::render) struct Splat {
     /// Half of its extent downwards.
     pub(super) half_height: f64,
     /// Direction of the projected vector.
-    along: DVec2,
+    pub(super) along: DVec2,
     /// Periods per pixel along and across.
-    frequency: [f64; 2],
+    pub(super) frequency: [f64; 2],
     /// Place in the pattern at the centre.
-    phase: [f64; 2],
+    pub(super) phase: [f64; 2],
     /// Periods of the pattern that pass the centre while the shutter is open.
     pub(super) blur: f64,
     /// Box over which the pattern is averaged, a pixel and the blur: its length, and the level across.
-    width: f64,
-    level: u32,
+    pub(super) width: f64,
+    pub(super) level: u32,
     /// How much of the pattern is left where the vector is nearly along the ray.
-    contrast: f64,
-    mix: Mix,
+    pub(super) contrast: f64,
+    pub(super) mix: Mix,
     pub(super) color: [f64; 3],
     /// Whether it has an icon: with a kernel, it may have none.
     pub(super) flows: bool,
     pub(super) kernel: Option<Kernel>,
-}
-
-/// The kernel at a squared distance in widths: a Gaussian that ends at [`END`] without an edge.
-#[inline(always)]
-pub(in crate::render) fn window(squared: f64) -> f64 {
-    let least = (-0.5 * END * END).exp();
-    (((-0.5 * squared).exp() - least) / (1.0 - least)).max(0.0)
 }
 
 /// From 0 to 1 without a bend at either end.
@@ -118,34 +111,6 @@ impl Splat {
             flows,
             kernel: kernel.flatten(),
         })
-    }
-
-    /// Of all icons of a scene that of the splat, and the one with which it is mixed, if any.
-    pub(super) fn icons_of<'a>(&self, all: &[&'a IconSums]) -> (&'a IconSums, Option<&'a IconSums>) {
-        let Mix { icon, share } = self.mix;
-        (all[icon], (share > 0.0).then(|| all[icon + 1]))
-    }
-
-    /// The opacity of a pattern of opacity 1 at a place `(dx, dy)` beside the centre, of squared distance `squared` in widths: of one icon, or of
-    /// two.
-    #[inline(always)]
-    pub(super) fn mixed(&self, place: [f64; 2], squared: f64, icons: (&IconSums, Option<&IconSums>)) -> f64 {
-        let pattern = self.faded(place, icons.0);
-        let mixed = match icons.1 {
-            None => pattern,
-            Some(next) => pattern + self.mix.share * (self.faded(place, next) - pattern),
-        };
-        window(squared) * mixed
-    }
-
-    /// An icon at a place beside the centre, or its mean where the vector is nearly along the ray.
-    #[inline(always)]
-    fn faded(&self, [dx, dy]: [f64; 2], icon: &IconSums) -> f64 {
-        let (a, b) = (dx * self.along.x + dy * self.along.y, dx * self.along.y - dy * self.along.x);
-        let [s, t] = [a * self.frequency[0] + self.phase[0], b * self.frequency[1] + self.phase[1]];
-        let whole = icon.whole();
-        let pattern = if self.contrast == 0.0 { whole } else { icon.mean(s, t, self.width, self.level) };
-        whole + self.contrast * (pattern - whole)
     }
 }
 
@@ -222,11 +187,6 @@ fn adjugate(&[xx, xy, xz, yy, yz, zz]: &Symmetric) -> Symmetric {
 
 #[cfg(test)]
 impl Splat {
-    /// The opacity of one icon.
-    pub(super) fn opacity(&self, place: [f64; 2], squared: f64, icon: &IconSums) -> f64 {
-        self.mixed(place, squared, (icon, None))
-    }
-
     pub(super) fn pattern(&self) -> (DVec2, [f64; 2]) {
         (self.along, self.frequency)
     }
@@ -234,14 +194,6 @@ impl Splat {
     /// Whether the pattern is not compressed more than it is shown.
     pub(super) fn is_whole(&self) -> bool {
         self.contrast == 1.0
-    }
-
-    pub(super) fn contrast(&self) -> f64 {
-        self.contrast
-    }
-
-    pub(super) fn phase(&self) -> [f64; 2] {
-        self.phase
     }
 
     pub(super) fn without_fading(self) -> Self {
