@@ -280,6 +280,56 @@ fn fast_paths_agree_with_the_judge_on_quads_in_any_field() {
     }
 }
 
+/// The job with up to `most` fragments on each ray, more on the right, some of which are clear or opaque.
+fn crowded(job: &RenderJob, depths: [f64; 2], most: usize) -> RenderJob {
+    let (width, height) = (job.view.width_px, job.view.height_px);
+    let of = |seed: u64, i: usize| 0.5 + 0.5 * noise(seed, i as u64);
+    let on_ray = |pixel: usize| {
+        let count = (of(1, pixel) * (most * (pixel % width)) as f64 / width as f64) as usize;
+        (0..count).map(move |i| {
+            let at = 97 * pixel + i;
+            let opacity = [0.0, 1.0, 0.05 * of(2, at)][(at % 29).min(2)] as f32;
+            let rgba = [of(3, at) as f32 * opacity, 0.5 * opacity, of(4, at) as f32 * opacity, opacity];
+            (pixel as u32, LayerFragment { depth: depths[0] + of(5, at) * (depths[1] - depths[0]), rgba })
+        })
+    };
+    let fragments = LayerFragments::new(width * height, (0..width * height).flat_map(on_ray)).unwrap();
+    RenderJob { fragments: Some(Arc::new(fragments)), ..job.clone() }
+}
+
+#[test]
+fn rays_side_by_side_are_cut_as_one_after_the_other_to_the_bit() {
+    let (mesh, scalars) = field(6);
+    let step = table(&[(0.0, COLORS[0], 0.1), (0.5, COLORS[0], 0.4), (0.5, COLORS[1], 40.0), (1.0, COLORS[1], 90.0)]);
+    let clear = table(&[(0.0, COLORS[0], 0.0), (1.0, COLORS[1], 0.0)]);
+    let outside = camera(DVec3::new(3.0, 2.0, 2.5), NARROW);
+    let inside = Camera { near: 0.13, ..camera(DVec3::new(0.3, 0.2, 0.25), WIDE) };
+    let parallel = camera(DVec3::new(3.0, 2.0, 2.5), Projection::Parallel { scale: 1.6 });
+    let mut stopped = 0;
+    for (camera, depths) in [(outside, [2.0, 6.5]), (inside, [0.0, 1.5]), (parallel, [-1.0, 6.5])] {
+        for table in [dense(), step.clone(), clear.clone()] {
+            let job = job(&mesh, scalars.clone(), &camera, (50, 40), table);
+            // More than there are rows for, and few.
+            for most in [150, 6] {
+                let job = crowded(&job, depths, most);
+                for skip in [job.skip, Skip::NONE] {
+                    let job = RenderJob { skip, ..job.clone() };
+                    let [found, expected] = [Raycast::new(), Raycast::portable()]
+                        .map(|mut renderer| renderer.render(job.clone()).unwrap().clone());
+                    assert!(found.planes == expected.planes, "{most} fragments");
+                    let counts = |frame: &Frame| {
+                        let stats = &frame.stats;
+                        [stats.steps, stats.segments, stats.rays_hit, stats.rays_stopped_early, stats.out_of_order]
+                    };
+                    assert_eq!(counts(&found), counts(&expected), "{most} fragments");
+                    stopped += found.stats.rays_stopped_early;
+                }
+            }
+        }
+    }
+    assert!(stopped > 1000, "{stopped}");
+}
+
 #[test]
 fn lists_without_a_fragment_change_no_bit() {
     let (mesh, scalars) = field(5);

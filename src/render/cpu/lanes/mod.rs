@@ -8,8 +8,9 @@
 //!     the rows are composited
 //! ```
 //!
-//! Where segments come from is left to [`Rays`], what becomes of them to [`Lights`].
+//! Where segments come from is left to [`Rays`], what becomes of them to [`Lights`]. Fragments of other layers [cut](cut) them before.
 
+pub(in crate::render::cpu) mod cut;
 pub(in crate::render::cpu) mod exact;
 pub(in crate::render::cpu) mod rows;
 pub(in crate::render::cpu) mod vector;
@@ -44,7 +45,7 @@ pub(in crate::render::cpu) fn composite<R: Rays, K: Lights>(
     for lane in 0..LANES {
         if let Some(line) = rays.next(lane) {
             alive |= 1 << lane;
-            lights.begin(lane, line);
+            lights.begin(lane, line, rays.pixel(lane));
         }
     }
     while alive != 0 {
@@ -70,7 +71,7 @@ pub(in crate::render::cpu) fn composite<R: Rays, K: Lights>(
             if next.is_none() {
                 alive &= !(1 << lane);
             }
-            lights.begin(lane, next.unwrap_or_default());
+            lights.begin(lane, next.unwrap_or_default(), rays.pixel(lane));
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::super::super::medium::{RayLine, RayPoint};
 use super::super::tiles::TilePixel;
+use super::cut::Cuts;
 use super::vector::{Eight, LANES};
 use crate::stats::FrameStats;
 
@@ -54,6 +55,8 @@ pub(in crate::render::cpu) struct Rows {
     pub(in crate::render::cpu) count: usize,
     /// Ends of rays, by row.
     pub(in crate::render::cpu) ends: Vec<RayEnd>,
+    /// What there is besides where segments were cut at fragments of other layers.
+    pub(in crate::render::cpu) cuts: Option<Box<Cuts>>,
 }
 
 /// The end of a ray; another one takes its lane from the next row on.
@@ -65,6 +68,8 @@ pub(in crate::render::cpu) struct RayEnd {
     pub(in crate::render::cpu) pixel: usize,
     /// Line of the next ray.
     pub(in crate::render::cpu) line: RayLine,
+    /// Pixel of the next ray, if there is one.
+    pub(in crate::render::cpu) next: Option<usize>,
 }
 
 impl Default for Rows {
@@ -79,6 +84,7 @@ impl Default for Rows {
             alive: [0; ROWS],
             count: 0,
             ends: Vec::new(),
+            cuts: None,
         }
     }
 }
@@ -96,11 +102,14 @@ impl Rows {
         RayPoint { depth: self.to_depth[row][lane], scalar: self.to_scalar[row][lane] }
     }
 
-    /// Last row of the ray that occupies a lane in this row.
+    /// Steps that a lane's ray has made behind the one in a row; `None` if the row is behind all of them.
     #[cold]
-    pub(in crate::render::cpu) fn last_row_of(&self, lane: usize, row: usize) -> usize {
+    fn steps_behind(&self, lane: usize, row: usize) -> Option<u64> {
         let end = self.ends.iter().find(|end| end.lane == lane && end.row >= row);
-        end.map_or(self.count - 1, |end| end.row)
+        match &self.cuts {
+            None => Some((end.map_or(self.count - 1, |end| end.row) - row) as u64),
+            Some(cuts) => cuts.steps_behind(lane, row, end.map(|end| end.row)),
+        }
     }
 }
 
@@ -116,9 +125,11 @@ impl Out<'_> {
     /// Records that a ray became opaque in this row.
     #[cold]
     pub(in crate::render::cpu) fn stop_early(&mut self, rows: &Rows, lane: usize, row: usize) {
-        if self.early_termination {
+        if self.early_termination
+            && let Some(behind) = rows.steps_behind(lane, row)
+        {
             self.stats.rays_stopped_early += 1;
-            self.stats.steps -= (rows.last_row_of(lane, row) - row) as u64;
+            self.stats.steps -= behind;
         }
     }
 }
@@ -131,8 +142,8 @@ pub(in crate::render::cpu) trait Lights {
     /// Composites all rows.
     fn composite(&mut self, rows: &mut Rows, out: &mut Out<'_>);
 
-    /// Starts a ray without light in a lane.
-    fn begin(&mut self, lane: usize, line: RayLine);
+    /// Starts a ray without light in a lane, with the pixel if there is a ray.
+    fn begin(&mut self, lane: usize, line: RayLine, pixel: Option<usize>);
 
     /// Outputs the light of a finished ray.
     fn finish(&mut self, lane: usize, out: &mut Out<'_>, pixel: usize);

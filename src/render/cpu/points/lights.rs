@@ -132,7 +132,8 @@ impl Rays for FragmentRays<'_> {
                     if next.is_none() {
                         *alive &= !(1 << lane);
                     }
-                    rows.ends.push(RayEnd { row: row - 1, lane, pixel, line: next.unwrap_or_default() });
+                    let (line, next) = (next.unwrap_or_default(), self.pixel(lane));
+                    rows.ends.push(RayEnd { row: row - 1, lane, pixel, line, next });
                 }
             }
             out.stats.steps += row as u64;

@@ -92,22 +92,34 @@ fn walk_from<M: Medium<Light = Accumulator>, L: Layers>(
     if starts.is_empty() {
         return stats;
     }
-    if M::HAS_VALUES || has_layers {
-        walk_one_by_one(scene, layers, rect, starts, pixels, &mut stats);
-        return stats;
+    if has_layers {
+        walk_with(portable, scene, layers, rect, starts, (lane_scratch, pixels, &mut stats));
+    } else {
+        walk_with(portable, scene, &NoLayers, rect, starts, (lane_scratch, pixels, &mut stats));
     }
-    match if portable { Arch::Scalar } else { Arch::new() } {
+    stats
+}
+
+/// Walks the rays of a tile, side by side where that is possible.
+fn walk_with<M: Medium<Light = Accumulator>, L: Layers>(
+    portable: bool,
+    scene: &Scene<'_, M>,
+    layers: &L,
+    rect: PixelRect,
+    starts: &[PixelStart],
+    (scratch, pixels, stats): (&mut LaneScratch, &mut [TilePixel], &mut FrameStats),
+) {
+    match if portable || M::HAS_VALUES { Arch::Scalar } else { Arch::new() } {
         #[cfg(target_arch = "x86_64")]
         Arch::V4(lanes) => {
-            lanes.vectorize(WalkRays { lanes, scene, rect, starts, scratch: lane_scratch, pixels, stats: &mut stats });
+            lanes.vectorize(WalkRays { lanes, scene, layers, rect, starts, scratch, pixels, stats });
         }
         #[cfg(target_arch = "x86_64")]
         Arch::V3(lanes) => {
-            lanes.vectorize(WalkRays { lanes, scene, rect, starts, scratch: lane_scratch, pixels, stats: &mut stats });
+            lanes.vectorize(WalkRays { lanes, scene, layers, rect, starts, scratch, pixels, stats });
         }
-        _ => walk_one_by_one(scene, &NoLayers, rect, starts, pixels, &mut stats),
+        _ => walk_one_by_one(scene, layers, rect, starts, pixels, stats),
     }
-    stats
 }
 
 /// Renders the rays of a tile as if they met no cell.

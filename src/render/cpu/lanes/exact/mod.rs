@@ -11,7 +11,7 @@
 //! for each pair of steps or runs of up to eight
 //!     weigh their pieces side by side
 //!     add them to the light of their lanes, one step or run after the other
-//!     at the end of a row: opaque lanes take no more light
+//!     at the end of a row: opaque lanes take no more light, the others that of the fragments of other layers there
 //! ```
 //!
 //! Every operation is one of [`RayLight`](super::super::light::RayLight) and [`ExactTable`], on the same numbers. Pieces of no
@@ -170,7 +170,7 @@ impl<L: Lanes> Lights for ExactLights<'_, L> {
         debug_assert!(self.closed & !self.opaque == 0, "what is not split is not seen");
     }
 
-    fn begin(&mut self, lane: usize, line: RayLine) {
+    fn begin(&mut self, lane: usize, line: RayLine, _: Option<usize>) {
         self.change_ray(lane, line);
     }
 

@@ -1,6 +1,7 @@
 //! Splits segments of eight rays at the nodes of the transfer function.
 
 use super::super::super::super::medium::{RayLine, Segment};
+use super::super::cut::Cuts;
 use super::super::rows::{Out, Rows};
 use super::super::vector::{LANES, Lanes};
 use super::intervals::InRegisters;
@@ -21,9 +22,40 @@ struct Segments<F> {
 }
 
 impl<L: Lanes> ExactLights<'_, L> {
-    /// Splits the segments of a row at nodes.
+    /// Splits the segments of a row at nodes, and ends the row.
     #[inline(always)]
     pub(super) fn split_row(&mut self, intervals: &mut InRegisters<L>, rows: &mut Rows, row: usize, out: &mut Out<'_>) {
+        self.split_segments(intervals, rows, row, out);
+        if let Some(cuts) = &rows.cuts
+            && cuts.fragments[row] != 0
+        {
+            self.pass_fragments(rows, cuts, row, out);
+        }
+        if let Some(last) = self.steps.about[..self.steps.count].last_mut()
+            && last.row == row
+        {
+            last.ends_row = true;
+        }
+    }
+
+    /// Moves `front` to the fragments of a row, which composites them at its end: it has a step, if without pieces.
+    #[inline(never)]
+    fn pass_fragments(&mut self, rows: &Rows, cuts: &Cuts, row: usize, out: &mut Out<'_>) {
+        let which = cuts.fragments[row];
+        for lane in (0..LANES).filter(|lane| which >> lane & 1 == 1) {
+            self.front[lane] = self.front[lane].max(cuts.depth[row][lane]);
+        }
+        self.composited |= which;
+        let has_step = self.steps.about[..self.steps.count].last().is_some_and(|last| last.row == row);
+        if !has_step {
+            let at = self.new_step(rows, out);
+            (self.steps.near_depth[at], self.steps.far_depth[at]) = ([0.0; LANES], [0.0; LANES]);
+            self.steps.about[at] = Step { row, ..Step::default() };
+        }
+    }
+
+    #[inline(always)]
+    fn split_segments(&mut self, intervals: &mut InRegisters<L>, rows: &mut Rows, row: usize, out: &mut Out<'_>) {
         let lanes = self.optics.lanes;
         let (to_depth, to_scalar) = (lanes.load(&rows.to_depth[row]), lanes.load(&rows.to_scalar[row]));
         let (mut from_depth, mut s) = (lanes.load(&rows.from_depth[row]), lanes.load(&rows.from_scalar[row]));
@@ -55,11 +87,6 @@ impl<L: Lanes> ExactLights<'_, L> {
             let front = lanes.select(lanes.mask(visible), to_depth, lanes.load(&self.front));
             self.front = lanes.store(front);
             self.composited |= visible;
-        }
-        if let Some(last) = self.steps.about[..self.steps.count].last_mut()
-            && last.row == row
-        {
-            last.ends_row = true;
         }
     }
 
@@ -113,7 +140,8 @@ impl<L: Lanes> ExactLights<'_, L> {
                 hidden |= self.composited & 1 << lane;
                 all |= 1 << lane;
             } else {
-                let from = rows.from(row, lane);
+                let whole = rows.cuts.as_ref().and_then(|cuts| cuts.whole(row, lane));
+                let [from, to] = whole.unwrap_or_else(|| [rows.from(row, lane), to]);
                 let (_, behind) = Segment::of_scalars(NONE, from, to, RayLine::default()).split(self.front[lane]);
                 (rows.from_depth[row][lane], rows.from_scalar[row][lane]) = (behind.part[0], behind.part_scalar[0]);
             }

@@ -1,6 +1,7 @@
 //! Steps of eight rays: queued pieces, weighed side by side and composited one after the other.
 
 use super::super::super::super::medium::first_visible;
+use super::super::cut::Cuts;
 use super::super::rows::{Lights, Out, Rows};
 use super::super::vector::{LANES, Lanes};
 use super::{EightF32, ExactLights};
@@ -190,20 +191,53 @@ impl<L: Lanes> ExactLights<'_, L> {
         self.row_visible |= visible;
     }
 
-    /// Ends a row: lanes that have become opaque receive no more light.
+    /// Ends a row: lanes that have become opaque receive no more light. Fragments of other layers lie at the ends of segments.
     #[inline(always)]
     fn end_row(&mut self, rows: &Rows, row: usize, sum: &mut Sum, out: &mut Out<'_>) {
-        let lanes = self.optics.lanes;
         if self.row_visible & !self.seen != 0 {
             self.see(rows, row);
         }
         self.row_visible = 0;
+        self.close_opaque(rows, row, sum, out);
+        if let Some(cuts) = &rows.cuts
+            && cuts.fragments[row] != 0
+        {
+            self.meet(cuts, row, sum);
+            self.close_opaque(rows, row, sum, out);
+        }
+    }
+
+    #[inline(always)]
+    fn close_opaque(&mut self, rows: &Rows, row: usize, sum: &mut Sum, out: &mut Out<'_>) {
+        let lanes = self.optics.lanes;
         let opaque = lanes.less_f32(sum.transmittance, lanes.splat_f32(OPAQUE_TRANSMITTANCE)) & !self.opaque;
         if opaque != 0 {
             self.close(rows, row, opaque, out);
             let transparent = lanes.splat_f32(0.0);
             sum.transmittance = lanes.select_f32(lanes.mask(opaque), transparent, sum.transmittance);
             sum.carried = lanes.select_f32(lanes.mask(opaque), transparent, sum.carried);
+        }
+    }
+
+    /// Composites the fragments of a row.
+    #[inline(always)]
+    fn meet(&mut self, cuts: &Cuts, row: usize, sum: &mut Sum) {
+        let lanes = self.optics.lanes;
+        let which = lanes.mask(cuts.fragments[row]);
+        let through = lanes.select_f32(which, sum.transmittance, lanes.splat_f32(0.0));
+        for (channel, light) in sum.rgba.iter_mut().zip(&cuts.rgba[row]) {
+            *channel = lanes.add_f32(*channel, lanes.mul_f32(cast(*light), through));
+        }
+        let change = lanes.sub_f32(sum.carried, lanes.mul_f32(through, cast(cuts.rgba[row][3])));
+        let left = lanes.add_f32(sum.transmittance, change);
+        sum.carried = lanes.sub_f32(change, lanes.sub_f32(left, sum.transmittance));
+        sum.transmittance = left;
+        let mut first = cuts.fragments[row] & !self.seen & !self.opaque;
+        self.seen |= first;
+        while first != 0 {
+            let lane = first.trailing_zeros() as usize;
+            first &= first - 1;
+            self.visible_from[lane] = cuts.depth[row][lane];
         }
     }
 

@@ -1,28 +1,30 @@
 //! The light of eight rays, one after the other, for any medium of scalars.
 
-use super::super::super::super::layers::NothingAhead;
+use super::super::super::super::layers::Ahead;
 use super::super::super::super::medium::{Medium, RayLine, Segment};
 use super::super::super::lanes::rows::{Lights, Out, Rows};
 use super::super::super::lanes::vector::LANES;
 use super::super::super::light::RayLight;
 use crate::optics::Accumulator;
 
-pub(super) struct EachLight<'a, M: Medium> {
+/// `fragments_of` has the fragments of other layers on the ray of a pixel.
+pub(super) struct EachLight<'a, M: Medium, A, F> {
     medium: &'a M,
-    lights: [RayLight<M::Ray, NothingAhead>; LANES],
+    fragments_of: F,
+    lights: [RayLight<M::Ray, A>; LANES],
     lines: [RayLine; LANES],
     near_distance: f64,
     opaque: u8,
 }
 
-impl<'a, M: Medium> EachLight<'a, M> {
-    pub(super) fn new(medium: &'a M, near_distance: f64) -> Self {
-        let lights = [RayLight::new(near_distance, NothingAhead); LANES];
-        Self { medium, lights, lines: [RayLine::default(); LANES], near_distance, opaque: 0 }
+impl<'a, M: Medium, A: Ahead, F: Fn(usize) -> A> EachLight<'a, M, A, F> {
+    pub(super) fn new(medium: &'a M, near_distance: f64, fragments_of: F) -> Self {
+        let lights = [RayLight::new(near_distance, A::NONE); LANES];
+        Self { medium, fragments_of, lights, lines: [RayLine::default(); LANES], near_distance, opaque: 0 }
     }
 }
 
-impl<M: Medium<Light = Accumulator>> Lights for EachLight<'_, M> {
+impl<M: Medium<Light = Accumulator>, A: Ahead, F: Fn(usize) -> A> Lights for EachLight<'_, M, A, F> {
     const CELLS: bool = true;
 
     #[inline(always)]
@@ -49,13 +51,13 @@ impl<M: Medium<Light = Accumulator>> Lights for EachLight<'_, M> {
             }
             while let Some(end) = ends.next_if(|end| end.row == row) {
                 self.finish(end.lane, out, end.pixel);
-                self.begin(end.lane, end.line);
+                self.begin(end.lane, end.line, end.next);
             }
         }
     }
 
-    fn begin(&mut self, lane: usize, line: RayLine) {
-        self.lights[lane] = RayLight::new(self.near_distance, NothingAhead);
+    fn begin(&mut self, lane: usize, line: RayLine, pixel: Option<usize>) {
+        self.lights[lane] = RayLight::new(self.near_distance, pixel.map_or(A::NONE, &self.fragments_of));
         self.lines[lane] = line;
         self.opaque &= !(1 << lane);
     }

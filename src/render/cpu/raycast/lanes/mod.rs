@@ -20,7 +20,9 @@ mod each;
 mod entering;
 mod step;
 
+use super::super::super::layers::Layers;
 use super::super::super::medium::{Medium, RayLine};
+use super::super::lanes::cut::CutLights;
 use super::super::lanes::exact::{ExactLights, Optics};
 use super::super::lanes::rows::{self, Lights, Out, RayEnd, Rows, RowsAhead};
 use super::super::lanes::vector::{Eight, LANES, Lanes};
@@ -42,15 +44,18 @@ use step::{Cells, Stepped, load_three, step, store_three};
 #[derive(Default)]
 pub(super) struct LaneScratch {
     rows: Box<Rows>,
+    /// Rows that have been cut at fragments of other layers.
+    cut: Box<Rows>,
     entered: Entered,
     /// Carried over between tiles, since neighbours are similar.
     ahead: RowsAhead,
 }
 
 /// Walks the rays of a tile.
-pub(super) struct WalkRays<'a, M, L: Lanes> {
+pub(super) struct WalkRays<'a, M, L: Lanes, Y> {
     pub(super) lanes: L,
     pub(super) scene: &'a Scene<'a, M>,
+    pub(super) layers: &'a Y,
     pub(super) rect: PixelRect,
     /// Starts sorted by pixel and depth.
     pub(super) starts: &'a [PixelStart],
@@ -59,23 +64,33 @@ pub(super) struct WalkRays<'a, M, L: Lanes> {
     pub(super) stats: &'a mut FrameStats,
 }
 
-impl<M: Medium<Light = Accumulator>, L: Lanes> NullaryFnOnce for WalkRays<'_, M, L> {
+impl<M: Medium<Light = Accumulator>, L: Lanes, Y: Layers> NullaryFnOnce for WalkRays<'_, M, L, Y> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        let Self { lanes, scene, rect, starts, scratch, pixels, stats } = self;
-        let LaneScratch { rows, entered, ahead } = scratch;
+        let Self { lanes, scene, layers, rect, starts, scratch, pixels, stats } = self;
+        let LaneScratch { rows, cut, entered, ahead } = scratch;
         entered.clear();
         let mut out = Out { pixels, stats, early_termination: scene.early_termination };
         let mut walk = Walk::new(lanes, scene, Starts { scene, rect, starts, next: 0, entered });
+        let near_distance = scene.view.near_depth();
+        let fragments_of = |pixel: usize| {
+            let (column, row) = scene.plane.pixel(rect, pixel);
+            layers.ahead(column, row)
+        };
         match scene.medium.exact_table() {
             Some(table) => {
-                let mut lights = ExactLights::new(Optics { lanes, table }, scene.view.near_depth());
-                composite(&mut walk, (rows, ahead), &mut out, &mut lights);
+                let mut lights = ExactLights::new(Optics { lanes, table }, near_distance);
+                if Y::ANY {
+                    let mut lights = CutLights::new(lanes, lights, cut, fragments_of);
+                    composite(&mut walk, (rows, ahead), &mut out, &mut lights);
+                } else {
+                    composite(&mut walk, (rows, ahead), &mut out, &mut lights);
+                }
             }
             None => {
-                let mut lights = EachLight::new(scene.medium, scene.view.near_depth());
+                let mut lights = EachLight::new(scene.medium, near_distance, fragments_of);
                 composite(&mut walk, (rows, ahead), &mut out, &mut lights);
             }
         }
@@ -281,7 +296,8 @@ impl<M: Medium, L: Lanes> Rays for Walk<'_, M, L> {
                 if next.is_none() {
                     *alive &= !(1 << l);
                 }
-                rows.ends.push(RayEnd { row: rows.count - 1, lane: l, pixel, line: next.unwrap_or_default() });
+                let (line, next) = (next.unwrap_or_default(), self.pixel(l));
+                rows.ends.push(RayEnd { row: rows.count - 1, lane: l, pixel, line, next });
             }
         }
     }
