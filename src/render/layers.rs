@@ -78,6 +78,18 @@ impl LayerFragments {
         Self { ends, fragments, is_textured: true }
     }
 
+    /// The fragments of each pixel at another place; `places` are those of all of the plane.
+    pub(in crate::render) fn at(&self, places: &[u32]) -> Self {
+        let mut from = vec![0; places.len()];
+        places.iter().enumerate().for_each(|(pixel, &place)| from[place as usize] = pixel);
+        let mut moved = Self { is_textured: self.is_textured, ..Self::default() };
+        for pixel in from {
+            moved.fragments.extend_from_slice(self.of_pixel(pixel));
+            moved.ends.push(moved.fragments.len() as u32);
+        }
+        moved
+    }
+
     /// These and others of the same plane; at equal depths these lie in front.
     #[must_use]
     pub fn with(&self, others: &Self) -> Self {

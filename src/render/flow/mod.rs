@@ -34,7 +34,7 @@ pub(in crate::render) use splat::{COMPRESSED, END, PIXEL};
 
 use super::surfaces::FieldBeside;
 use super::{LayerFragments, RenderError};
-use crate::camera::View;
+use crate::camera::{Samples, View};
 use crate::field::Association;
 use crate::mesh::{Mesh, Plane, Symmetric};
 use crate::random::{hash, unit};
@@ -322,6 +322,12 @@ impl FlowScene {
     /// # Errors
     /// If there are more than memory is for.
     pub(crate) fn fragments(&self, view: &View) -> Result<(LayerFragments, FlowCounts), RenderError> {
+        if let Samples::Pixels(pixels) = &view.samples
+            && let Some((ascending, places)) = pixels.ascending()
+        {
+            let view = View { samples: Samples::Pixels(Arc::new(ascending)), ..view.clone() };
+            return self.fragments(&view).map(|(found, counts)| (found.at(&places), counts));
+        }
         let seen = |site: u32| Splat::of(self, site, view);
         let mut splats: Vec<Splat> = self.sites().into_par_iter().filter_map(seen).collect();
         splats.par_sort_by(|a, b| a.depth.total_cmp(&b.depth).then(a.site.cmp(&b.site)));
