@@ -1,9 +1,10 @@
-//! The nearest depths at which rays pass through the boundary of the active cells.
+//! The nearest depths at which rays pass through the boundary of the active cells; and where rays are inside of cells ([`inside`]).
 //!
 //! The boundary is the faces between an active cell and an inactive one or the outside. Entry and exit faces count alike, as in depth
 //! peeling (C. Everitt, *Interactive Order-Independent Transparency*, 2001; the dissertation, section 4.1.2). Each pixel keeps its
 //! nearest depths while the faces of its tile are drawn in any order, so that one pass finds all depth layers.
 
+mod inside;
 mod nearest;
 #[cfg(test)]
 mod tests;
@@ -18,6 +19,7 @@ use crate::image::Plane;
 use crate::image::upsample::Reference;
 use crate::mesh::{Connectivity, NONE};
 use crate::visibility::CellSet;
+pub(crate) use inside::{Inside, InsideFinder};
 pub use nearest::MAX_LAYERS;
 use nearest::Nearest;
 use rayon::prelude::*;
