@@ -30,6 +30,25 @@ pub(in crate::render) struct RowFragments {
     pub(in crate::render) fragments: Vec<LayerFragment>,
 }
 
+impl RowFragments {
+    /// Keeps the fragments for which `is_kept`, asked by the number of the pixel in the row and the depth; returns how many are left out.
+    pub(in crate::render) fn retain(&mut self, is_kept: impl Fn(usize, f64) -> bool) -> u64 {
+        let (mut begin, mut kept) = (0, 0);
+        for (pixel, end) in self.ends.iter_mut().enumerate() {
+            for i in begin..*end as usize {
+                if is_kept(pixel, self.fragments[i].depth) {
+                    self.fragments[kept] = self.fragments[i];
+                    kept += 1;
+                }
+            }
+            begin = std::mem::replace(end, kept as u32) as usize;
+        }
+        let left_out = self.fragments.len() - kept;
+        self.fragments.truncate(kept);
+        left_out as u64
+    }
+}
+
 /// The fragments of all pixels of a rendered plane.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LayerFragments {

@@ -1,5 +1,6 @@
 //! The fragments of splats, row by row of the image.
 
+use super::super::cpu::layers::Inside;
 use super::super::layers::{LayerFragment, RowFragments};
 use super::super::{LayerFragments, RenderError};
 use super::IconSums;
@@ -12,16 +13,17 @@ use std::ops::Range;
 /// Most fragments of a frame: 2 GiB in all.
 pub(in crate::render) const MOST: u64 = 1 << 26;
 
-/// The fragments of splats in their order, with all icons of the scene. `per_unit` is the world length of a local unit.
+/// The fragments of splats in their order, with all icons of the scene, as far as they are inside, and how many are not. `per_unit` is the world
+/// length of a local unit.
 ///
 /// # Errors
 /// If there would be more than [`MOST`].
 pub(super) fn fragments(
     splats: &[Splat],
     (icons, opacity): (&[&IconSums], f64),
-    view: &View,
+    (view, inside): (&View, Option<&Inside>),
     per_unit: f64,
-) -> Result<LayerFragments, RenderError> {
+) -> Result<(LayerFragments, u64), RenderError> {
     // Before anything is listed: a row of a splat without pixels counts as one, since it is listed, too.
     let most: u64 = splats.par_iter().map(|splat| splat.most_pixels(view)).sum();
     if most > MOST {
@@ -40,10 +42,16 @@ pub(super) fn fragments(
                 }
             },
         );
-        in_pixels(&found, splats, (row, view), per_unit)
+        let mut fragments = in_pixels(&found, splats, (row, view), per_unit);
+        let outside = inside.map_or(0, |inside| {
+            // The pixels of a row follow each other in the plane; a local unit is a power of two.
+            let first = view.rendered_in(row, 0..view.width_px).next().map_or(0, |(_, place)| place);
+            fragments.retain(|pixel, depth| inside.has(first + pixel, depth / per_unit))
+        });
+        (fragments, outside)
     };
-    let rows = (0..view.height_px).into_par_iter().map(of_row).collect();
-    Ok(LayerFragments::of_rows(rows))
+    let (rows, outside): (Vec<RowFragments>, Vec<u64>) = (0..view.height_px).into_par_iter().map(of_row).unzip();
+    Ok((LayerFragments::of_rows(rows), outside.into_iter().sum()))
 }
 
 /// What a splat has on a pixel.

@@ -10,6 +10,7 @@ use crate::render::{RenderJob, Renderer};
 use glam::DVec2;
 
 mod mixture;
+mod outside;
 
 fn mesh(side: usize) -> Arc<Mesh> {
     Arc::new(Mesh::build(jittered(kuhn_grid([side; 3]), &mut Random::new(side as u64))).unwrap().0)
