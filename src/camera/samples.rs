@@ -91,6 +91,16 @@ impl PixelSet {
         self.pixels.len()
     }
 
+    /// The list in ascending order with the index of each of its pixels here; `None` if this ascends.
+    pub(crate) fn ascending(&self) -> Option<(Self, Vec<u32>)> {
+        if self.pixels.is_sorted() {
+            return None;
+        }
+        let (pixels, places): (Vec<u32>, Vec<u32>) = self.sorted.iter().copied().unzip();
+        let sorted = pixels.iter().copied().zip(0..).collect();
+        Some((Self { size_px: self.size_px, pixels, sorted }, places))
+    }
+
     /// Column and row of the pixel at an index of the list.
     pub fn pixel(&self, place: usize) -> (usize, usize) {
         let pixel = self.pixels[place] as usize;

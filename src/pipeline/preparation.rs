@@ -479,7 +479,8 @@ impl Order {
         if let Some(flow) = flow {
             let (cells, view) = ((&series.mesh, &finite), job.local_view());
             let seen = (&job.scalars, &domain_colors);
-            let drawn = self.flow.fragments(flow, cells, seen, &clips, (&view, by.is_reference()), &mut job.stats)?;
+            let (of_view, told) = ((&view, by.is_reference()), (&mut job.stats, cancel));
+            let drawn = self.flow.fragments(flow, cells, seen, &clips, of_view, told)?;
             job.fragments = Some(match &job.fragments {
                 Some(shells) => Arc::new(shells.with(&drawn)),
                 None => drawn,

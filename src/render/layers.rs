@@ -30,6 +30,25 @@ pub(in crate::render) struct ListedFragments {
     pub(in crate::render) fragments: Vec<LayerFragment>,
 }
 
+impl ListedFragments {
+    /// Keeps the fragments for which `is_kept`, asked by the number of the pixel and the depth; returns how many are left out.
+    pub(in crate::render) fn retain(&mut self, is_kept: impl Fn(usize, f64) -> bool) -> u64 {
+        let mut left_out = 0;
+        for (pixel, [begin, end]) in self.spans.iter_mut().enumerate() {
+            let mut kept = *begin as usize;
+            for i in kept..*end as usize {
+                if is_kept(pixel, self.fragments[i].depth) {
+                    self.fragments[kept] = self.fragments[i];
+                    kept += 1;
+                }
+            }
+            left_out += u64::from(*end) - kept as u64;
+            *end = kept as u32;
+        }
+        left_out
+    }
+}
+
 /// The fragments of all pixels of a rendered plane.
 #[derive(Clone, Debug, Default)]
 pub struct LayerFragments {
@@ -101,6 +120,14 @@ impl LayerFragments {
     /// Its lists, whose memory others may use.
     pub(in crate::render) fn into_lists(self) -> Vec<Vec<LayerFragment>> {
         self.lists
+    }
+
+    /// The fragments of each pixel at another place; `places` are those of all of the plane.
+    pub(in crate::render) fn at(self, places: &[u32]) -> Self {
+        let mut from = vec![0; places.len()];
+        places.iter().enumerate().for_each(|(pixel, &place)| from[place as usize] = pixel);
+        let pixels = from.into_iter().map(|pixel: usize| self.pixels[pixel]).collect();
+        Self { pixels, ..self }
     }
 
     /// These and others of the same plane; at equal depths these lie in front.

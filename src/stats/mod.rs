@@ -52,6 +52,8 @@ pub struct FrameStats {
     pub flow_still: bool,
     /// Pixels that splats cover, each counted once a splat.
     pub flow_fragments: u64,
+    /// Pixels that splats would cover where they are outside of the cells that are shown.
+    pub flow_outside: u64,
     /// Milliseconds for the fragments of flow, a part of `ms_order`.
     pub ms_flow: f64,
     /// Functions that a pixel's ray may meet in front of the eye.

@@ -7,9 +7,11 @@ use crate::mesh::{Mesh, Plane};
 use crate::node_table::NodeTable;
 use crate::pipeline::PipelineError;
 use crate::render::LayerFragments;
+use crate::render::cpu::layers::InsideFinder;
 use crate::render::flow::{self, FlowScene, FlowVolume, Kernels, Shapes};
 use crate::render::reference::flow_fragments;
 use crate::stats::FrameStats;
+use crate::task::Cancel;
 use crate::visibility::CellSet;
 use std::sync::{Arc, Weak};
 use std::time::Instant;
@@ -27,6 +29,8 @@ pub(in crate::pipeline) struct OrderFlow {
     shown: Arc<Vec<bool>>,
     /// The fragments of the last frames.
     drawn: Vec<Arc<LayerFragments>>,
+    /// Where rays are inside of these cells.
+    inside: InsideFinder,
 }
 
 /// Frames whose fragments may be needed at once: one is rendered while the next one is ordered.
@@ -37,7 +41,7 @@ impl OrderFlow {
     /// they are the volume they show these scalars by this table.
     ///
     /// # Errors
-    /// If they are too many.
+    /// If they are too many, or `Cancelled`.
     pub(in crate::pipeline) fn fragments(
         &mut self,
         values: FlowValues,
@@ -45,7 +49,7 @@ impl OrderFlow {
         (scalars, table): (&Scalars, &Arc<NodeTable>),
         clips: &[Plane],
         (local_view, is_judged): (&View, bool),
-        stats: &mut FrameStats,
+        (stats, cancel): (&mut FrameStats, &Cancel),
     ) -> Result<Arc<LayerFragments>, PipelineError> {
         let started = Instant::now();
         let FlowValues { style, held, sites, vectors, travel, mixture, colors } = values;
@@ -61,6 +65,14 @@ impl OrderFlow {
             table: table.clone(),
             volumes: self.volumes(mesh, sites, style.splats),
         });
+        // The judge finds them itself.
+        let inside = match kernels.is_some() || is_judged {
+            true => None,
+            false => {
+                let found = flow::inside(&mut self.inside, (mesh, cells), clips, local_view, cancel);
+                Some(found.ok_or(PipelineError::Cancelled)?)
+            }
+        };
         let scene = FlowScene {
             style,
             mixture,
@@ -71,6 +83,8 @@ impl OrderFlow {
             colors,
             kernels,
             shapes: self.shapes.get_or_insert_with(|| Arc::new(Shapes::of(mesh, sites))).clone(),
+            cells: cells.clone(),
+            inside,
             shown: self.shown.clone(),
             chosen: style.splats.map(|count| self.chosen(mesh, sites, count)),
             clips: clips.to_vec(),
@@ -78,7 +92,7 @@ impl OrderFlow {
         let (fragments, counts) =
             if is_judged { flow_fragments(&scene, local_view)? } else { scene.fragments(local_view, self.spare())? };
         (stats.flow_splats, stats.flow_fast) = (counts.splats, counts.fast);
-        stats.flow_fragments = fragments.count() as u64;
+        (stats.flow_fragments, stats.flow_outside) = (fragments.count() as u64, counts.outside);
         stats.ms_flow = started.elapsed().as_secs_f64() * 1e3;
         let fragments = Arc::new(fragments);
         self.drawn.push(fragments.clone());

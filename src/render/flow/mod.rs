@@ -9,8 +9,8 @@
 //! for each row of pixels: what each splat has there               rows.rs, lanes.rs
 //! ```
 //!
-//! All fragments of a splat are at its centre's depth along the view direction, so that one order holds in every pixel. They reach the cells
-//! as [`LayerFragments`], which every renderer composites between its segments.
+//! All fragments of a splat are at its centre's depth along the view direction, so that one order holds in every pixel. Those that hang out of
+//! the cells that are shown are left out. They reach the cells as [`LayerFragments`], which every renderer composites between its segments.
 
 mod icon;
 mod kernel;
@@ -33,12 +33,15 @@ pub use names::IconName;
 pub use picture::{Picture, Unfit};
 pub(in crate::render) use splat::{COMPRESSED, END, PIXEL};
 
+use super::cpu::layers::{Inside, InsideFinder};
 use super::surfaces::FieldBeside;
 use super::{LayerFragments, RenderError};
-use crate::camera::View;
+use crate::camera::{Samples, View};
 use crate::field::Association;
 use crate::mesh::{Mesh, Plane, Symmetric};
 use crate::random::{hash, unit};
+use crate::task::Cancel;
+use crate::visibility::CellSet;
 use crate::words::words;
 use glam::DVec3;
 use icon::IconSums;
@@ -212,6 +215,10 @@ pub struct FlowScene {
     /// What the splats show of the scalars, if they are the volume.
     pub(crate) kernels: Option<Kernels>,
     pub(crate) shapes: Arc<Shapes>,
+    /// The cells that are shown. Outside of them nothing is drawn, unless the splats are the volume.
+    pub(crate) cells: Arc<CellSet>,
+    /// [`inside`] of the view that is drawn, if it is known.
+    pub(crate) inside: Option<Arc<Inside>>,
     /// Whether each site is a cell that is shown, or a vertex of one.
     pub(crate) shown: Arc<Vec<bool>>,
     /// Ascending sites with a splat; `None`: all.
@@ -231,6 +238,7 @@ impl FlowScene {
     ) -> Self {
         let shapes = Arc::new(Shapes::of(&mesh, sites));
         let shown = Arc::new(vec![true; shapes.of_sites.len()]);
+        let cells = Arc::new(CellSet::all(mesh.topology.tets.len()));
         let colors = FlowColors::One(FlowStyle::COLOR);
         let held = HeldFlow::default();
         Self {
@@ -243,6 +251,8 @@ impl FlowScene {
             colors,
             kernels: None,
             shapes,
+            cells,
+            inside: None,
             shown,
             chosen: None,
             clips: Vec::new(),
@@ -327,18 +337,54 @@ impl FlowScene {
         view: &View,
         spare: Option<LayerFragments>,
     ) -> Result<(LayerFragments, FlowCounts), RenderError> {
+        if let Samples::Pixels(pixels) = &view.samples
+            && let Some((ascending, places)) = pixels.ascending()
+        {
+            let view = View { samples: Samples::Pixels(Arc::new(ascending)), ..view.clone() };
+            return self.fragments(&view, spare).map(|(found, counts)| (found.at(&places), counts));
+        }
         let seen = |site: u32| Splat::of(self, site, view);
         let mut splats: Vec<Splat> = self.sites().into_par_iter().filter_map(seen).collect();
         splats.par_sort_by(|a, b| a.depth.total_cmp(&b.depth).then(a.site.cmp(&b.site)));
         let Thresholds { first, further } = self.patterns();
         let icons: Vec<&IconSums> =
             [&first].into_iter().chain(further.iter().map(|(_, icon)| icon)).map(Pattern::sums).collect();
+        let inside = self.inside(view);
+        let (of_view, per_unit) = ((view, inside.as_deref()), self.mesh.positions.scale);
         let spare = spare.map(LayerFragments::into_lists).unwrap_or_default();
-        let fragments = rows::fragments(&splats, (&icons, self.style.opacity), view, self.mesh.positions.scale, spare)?;
+        let (fragments, outside) = rows::fragments(&splats, (&icons, self.style.opacity), of_view, per_unit, spare)?;
         let fast = splats.iter().filter(|splat| FlowCounts::is_fast(splat.blur)).count() as u64;
-        Ok((fragments, FlowCounts { splats: splats.len() as u64, fast }))
+        Ok((fragments, FlowCounts { splats: splats.len() as u64, fast, outside }))
+    }
+
+    /// Where fragments of a view in local coordinates are drawn; `None`: everywhere, as the edge of kernels is the volume's.
+    pub(in crate::render) fn inside(&self, view: &View) -> Option<Arc<Inside>> {
+        if self.kernels.is_some() {
+            return None;
+        }
+        let found =
+            || inside(&mut InsideFinder::default(), (&self.mesh, &self.cells), &self.clips, view, &Cancel::new());
+        self.inside.clone().or_else(found)
     }
 }
+
+/// Where the rays of a view (local coordinates) are inside of the cells that are shown, or outside by [`ON_BOUNDARY`], and not clipped; `None` if
+/// cancelled.
+pub(crate) fn inside(
+    finder: &mut InsideFinder,
+    of: (&Arc<Mesh>, &Arc<CellSet>),
+    clips: &[Plane],
+    view: &View,
+    cancel: &Cancel,
+) -> Option<Arc<Inside>> {
+    finder.find(of, clips, ON_BOUNDARY, view, cancel)
+}
+
+/// Local length by which a fragment may be outside of a face on which its splat lies.
+///
+/// Stored coordinates are of f32 within -1..=1, rounded by 2^-25 at most, and points by sqrt(3) times that: a vertex of a flat boundary lies off the
+/// other vertices' plane by twice as much, less than 2^-23. What is left, 2^-26, is above f64's rounding of depths up to 2^24.
+pub(in crate::render) const ON_BOUNDARY: f64 = 1.0 / (1u64 << 23) as f64;
 
 /// A moment that is held while its flow goes on, in the series' unit of time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -356,6 +402,8 @@ pub(crate) struct FlowCounts {
     pub(crate) splats: u64,
     /// Those of them whose pattern moves by more than a quarter of its period while the shutter is open.
     pub(crate) fast: u64,
+    /// Their fragments that are left out, since they are outside of the cells.
+    pub(crate) outside: u64,
 }
 
 impl FlowCounts {

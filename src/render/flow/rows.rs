@@ -1,5 +1,6 @@
 //! The fragments of splats, row by row of the image.
 
+use super::super::cpu::layers::Inside;
 use super::super::layers::{LayerFragment, ListedFragments};
 use super::super::{LayerFragments, RenderError};
 use super::IconSums;
@@ -13,18 +14,18 @@ use std::ops::Range;
 /// Most fragments of a frame: 2 GiB in all.
 pub(in crate::render) const MOST: u64 = 1 << 26;
 
-/// The fragments of splats in their order, with all icons of the scene. `per_unit` is the world length of a local unit. The memory of `spare`
-/// lists is used again: new memory takes the system as long as drawing.
+/// The fragments of splats in their order, with all icons of the scene, as far as they are inside, and how many are not. `per_unit` is the world
+/// length of a local unit. The memory of `spare` lists is used again: new memory takes the system as long as drawing.
 ///
 /// # Errors
 /// If there would be more than [`MOST`].
 pub(super) fn fragments(
     splats: &[Splat],
     (icons, opacity): (&[&IconSums], f64),
-    view: &View,
+    (view, inside): (&View, Option<&Inside>),
     per_unit: f64,
     mut spare: Vec<Vec<LayerFragment>>,
-) -> Result<LayerFragments, RenderError> {
+) -> Result<(LayerFragments, u64), RenderError> {
     // Before anything is listed: a row of a splat without pixels counts as one, since it is listed, too.
     let most: u64 = splats.par_iter().map(|splat| splat.most_pixels(view)).sum();
     if most > MOST {
@@ -34,12 +35,18 @@ pub(super) fn fragments(
     let arch = Arch::new();
     spare.resize_with(view.height_px, Vec::new);
     let of_row = |(row, fragments): (usize, Vec<LayerFragment>)| {
-        let row = Row::of(splats, by_row.of(row), (row, view));
+        let splats = Row::of(splats, by_row.of(row), (row, view));
         // Compiled for each processor, with its vectors.
-        arch.dispatch(Draw { row, icons, opacity, per_unit, fragments })
+        let mut drawn = arch.dispatch(Draw { row: splats, icons, opacity, per_unit, fragments });
+        let outside = inside.map_or(0, |inside| {
+            // The pixels of a row follow each other in the plane; a local unit is a power of two.
+            let first = view.rendered_in(row, 0..view.width_px).next().map_or(0, |(_, place)| place);
+            drawn.retain(|pixel, depth| inside.has(first + pixel, depth / per_unit))
+        });
+        (drawn, outside)
     };
-    let rows = spare.into_par_iter().enumerate().map(of_row).collect();
-    Ok(LayerFragments::of_lists(rows, true))
+    let (rows, outside): (Vec<ListedFragments>, Vec<u64>) = spare.into_par_iter().enumerate().map(of_row).unzip();
+    Ok((LayerFragments::of_lists(rows, true), outside.into_iter().sum()))
 }
 
 /// A row of pixels, and the splats on it.

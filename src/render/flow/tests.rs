@@ -10,6 +10,7 @@ use crate::render::{RenderJob, Renderer};
 use glam::DVec2;
 
 mod mixture;
+mod outside;
 
 fn mesh(side: usize) -> Arc<Mesh> {
     Arc::new(Mesh::build(jittered(kuhn_grid([side; 3]), &mut Random::new(side as u64))).unwrap().0)
@@ -155,7 +156,8 @@ fn any_samples_and_threads_have_the_fragments_of_the_whole_image() {
     let scene = scene(&mesh, FlowStyle::default(), vortex);
     let whole = local_view(&mesh, &camera(&mesh), (37, 29));
     let (all, _) = scene.fragments(&whole, None).unwrap();
-    let pixels: Vec<u32> = (0..60).map(|i| i * 17 % (37 * 29)).collect();
+    // In no order.
+    let pixels: Vec<u32> = (0..200).map(|i| i * 17 % (37 * 29)).collect();
     let listed = Samples::Pixels(Arc::new(PixelSet::new((37, 29), &pixels).unwrap()));
     for samples in [Samples::Lattice(Lattice::new(3.try_into().unwrap())), listed] {
         let view = View { samples, ..whole.clone() };

@@ -7,28 +7,29 @@ use crate::render::medium::{RayLine, Segment};
 use glam::DVec3;
 use std::ops::Range;
 
-/// A cell in view coordinates (local units), ready to be clipped by rays.
+/// The shape of a cell in view coordinates (local units).
 #[derive(Clone, Debug)]
-pub(in crate::render) struct Cell {
+pub(super) struct Tet {
     /// Barycentric coordinate i at a point p is `offset[i] + gradient[i] . p`.
     offset: [f64; 4],
     gradient: [DVec3; 4],
-    /// Number in the mesh.
-    number: u32,
-    scalars: [f64; 4],
-    /// Values at its vertices, for a transfer function of more than the scalar.
-    vertex_values: [f64; 4],
     /// Pixels whose rays may meet the cell.
     pub(super) columns: Range<usize>,
     pub(super) rows: Range<usize>,
 }
 
-impl Cell {
-    /// A cell of a job from its corners in view coordinates; `None` if no pixel can see it.
-    pub(in crate::render) fn new(job: &RenderJob, view: &View, number: u32, corners: [DVec3; 4]) -> Option<Self> {
-        let tet = job.mesh.topology.tets[number as usize];
-        let scalars = job.scalars.at_corners(number, tet).map(f64::from);
-        let vertex_values = job.joint.as_ref().map_or([0.0; 4], |scene| scene.values_at_corners(number, tet));
+/// The part of a ray in a cell.
+pub(super) struct Part {
+    /// Depths at its ends.
+    pub(super) ends: [f64; 2],
+    /// Barycentric coordinates on the ray, at depth 0 and per depth.
+    at_zero: [f64; 4],
+    slope: [f64; 4],
+}
+
+impl Tet {
+    /// A cell from its corners in view coordinates; `None` if no pixel can see it.
+    pub(super) fn new(view: &View, corners: [DVec3; 4]) -> Option<Self> {
         let (columns, rows) = pixel_ranges(view, &corners)?;
         let mut offset = [0.0; 4];
         let mut gradient = [DVec3::ZERO; 4];
@@ -43,16 +44,16 @@ impl Cell {
             gradient[i] = normal / height;
             offset[i] = -gradient[i].dot(a);
         }
-        Some(Self { offset, gradient, number, scalars, vertex_values, columns, rows })
+        Some(Self { offset, gradient, columns, rows })
     }
 
     /// Barycentric coordinates of a point in view coordinates, also outside of the cell.
-    pub(in crate::render) fn weights(&self, point: DVec3) -> [f64; 4] {
+    fn weights(&self, point: DVec3) -> [f64; 4] {
         std::array::from_fn(|i| self.offset[i] + self.gradient[i].dot(point))
     }
 
-    /// The segment of the ray of image-plane point (px, py) inside the cell; `scale` is the world length of a local one.
-    pub(in crate::render) fn clip(&self, view: &View, scale: f64, px: f64, py: f64) -> Option<Segment> {
+    /// The part of the ray of image-plane point (px, py).
+    pub(super) fn part(&self, view: &View, px: f64, py: f64) -> Option<Part> {
         let (origin, direction) = if view.perspective {
             (DVec3::ZERO, DVec3::new(px, py, 1.0))
         } else {
@@ -63,15 +64,47 @@ impl Cell {
         let slope = self.gradient.map(|gradient| gradient.dot(direction));
         let grazing = || inside(start, &at_zero, &slope, -INFLATION).filter(|(near, far)| far - near > GRAZING_LENGTH);
         let (near, far) = inside(start, &at_zero, &slope, 0.0).or_else(grazing)?;
+        Some(Part { ends: [near, far], at_zero, slope })
+    }
+}
+
+/// A cell in view coordinates (local units), ready to be clipped by rays.
+#[derive(Clone, Debug)]
+pub(in crate::render) struct Cell {
+    pub(super) tet: Tet,
+    /// Number in the mesh.
+    number: u32,
+    scalars: [f64; 4],
+    /// Values at its vertices, for a transfer function of more than the scalar.
+    vertex_values: [f64; 4],
+}
+
+impl Cell {
+    /// A cell of a job from its corners in view coordinates; `None` if no pixel can see it.
+    pub(in crate::render) fn new(job: &RenderJob, view: &View, number: u32, corners: [DVec3; 4]) -> Option<Self> {
+        let vertices = job.mesh.topology.tets[number as usize];
+        let scalars = job.scalars.at_corners(number, vertices).map(f64::from);
+        let vertex_values = job.joint.as_ref().map_or([0.0; 4], |scene| scene.values_at_corners(number, vertices));
+        Some(Self { tet: Tet::new(view, corners)?, number, scalars, vertex_values })
+    }
+
+    /// Barycentric coordinates of a point in view coordinates, also outside of the cell.
+    pub(in crate::render) fn weights(&self, point: DVec3) -> [f64; 4] {
+        self.tet.weights(point)
+    }
+
+    /// The segment of the ray of image-plane point (px, py) inside the cell; `scale` is the world length of a local one.
+    pub(in crate::render) fn clip(&self, view: &View, scale: f64, px: f64, py: f64) -> Option<Segment> {
+        let Part { ends, at_zero, slope } = self.tet.part(view, px, py)?;
         // Relative to one corner's: a constant scalar stays exact, as it may lie on a step of the table.
         let between = |values: &[f64; 4], depth: f64| -> f64 {
             let rise = |i: usize| (at_zero[i] + slope[i] * depth) * (values[i] - values[0]);
             values[0] + (1..4).map(rise).sum::<f64>()
         };
-        let at_ends = |values: &[f64; 4]| [between(values, near), between(values, far)];
+        let at_ends = |values: &[f64; 4]| ends.map(|depth| between(values, depth));
         let line = RayLine { px, py, length_per_depth: view.length_per_depth(px, py) * scale };
         let (scalar, value) = (at_ends(&self.scalars), at_ends(&self.vertex_values));
-        Some(Segment::new(self.number, [near, far], scalar, value, line))
+        Some(Segment::new(self.number, ends, scalar, value, line))
     }
 }
 

@@ -1,12 +1,17 @@
 //! The fragments of flow by brute force, in float64: every splat is asked at every pixel, every texel in its box.
 //!
 //! The projection's derivative is that of finite differences, the kernel's form the inverse of a matrix, the pattern a sum over texels: no
-//! tiles, rows, running sums or extents; a cell's splat has the mean of its corners, and of their differences. What a
-//! vertex or cell has (vector, colour, place in the pattern) and the constants of docs/flow.md are the scene's.
+//! tiles, rows, running sums or extents; a cell's splat has the mean of its corners, and of their differences. A fragment is in the domain if it is in
+//! one of the cells, each of which is clipped by the ray, and in front of every clip. What a vertex or cell has (vector, colour, place in the
+//! pattern) and the constants of docs/flow.md are the scene's.
 
+use super::clip::Tet;
 use crate::camera::View;
 use crate::field::Association;
-use crate::render::flow::{COMPRESSED, END, FlowCounts, FlowFidelity, FlowScene, PIXEL, Pattern, TEXELS, Thresholds};
+use crate::mesh::Plane;
+use crate::render::flow::{
+    COMPRESSED, END, FlowCounts, FlowFidelity, FlowScene, ON_BOUNDARY, PIXEL, Pattern, TEXELS, Thresholds,
+};
 use crate::render::{LayerFragment, LayerFragments, RenderError};
 use glam::{DMat2, DMat3, DVec2, DVec3};
 use rayon::prelude::*;
@@ -22,23 +27,63 @@ pub(crate) fn flow_fragments(scene: &FlowScene, view: &View) -> Result<(LayerFra
     let icons = &patterns.map(JudgedIcon::of).collect::<Vec<_>>()[..];
     let of_site = |site: u32| Judged::of(scene, &thresholds, site, view);
     let splats: Vec<Judged> = scene.sites().into_iter().filter_map(of_site).collect();
+    let domain = scene.kernels.is_none().then(|| Domain::of(scene, view));
     let (width, height) = view.plane_px();
     let per_unit = scene.mesh.positions.scale;
     let of_pixel = |place: usize| {
         let (column, row) = view.pixel_at(place);
         let at = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
-        let found = splats.iter().filter_map(move |splat| {
+        let seen = splats.iter().map(|splat| {
             let [window, pattern] = splat.seen(at, icons);
-            let rgba = splat.light(window, scene.style.opacity * pattern).map(|c| c as f32);
-            let fragment = LayerFragment { depth: splat.depth * per_unit, rgba };
-            (rgba[3] > 0.0).then_some((place as u32, fragment))
+            (splat.depth, splat.light(window, scene.style.opacity * pattern).map(|c| c as f32))
         });
-        found.collect::<Vec<_>>()
+        let seen: Vec<(f64, [f32; 4])> = seen.filter(|(_, rgba)| rgba[3] > 0.0).collect();
+        let is_in = domain.as_ref().map(|domain| domain.on_ray(view, (column, row)));
+        let inside = seen.iter().filter(|(depth, _)| is_in.as_ref().is_none_or(|is_in| is_in(*depth)));
+        let fragment = |&(depth, rgba)| (place as u32, LayerFragment { depth: depth * per_unit, rgba });
+        let found: Vec<(u32, LayerFragment)> = inside.map(fragment).collect();
+        let outside = seen.len() - found.len();
+        (found, outside as u64)
     };
-    let found: Vec<Vec<(u32, LayerFragment)>> = (0..width * height).into_par_iter().map(of_pixel).collect();
+    let found: Vec<(Vec<_>, u64)> = (0..width * height).into_par_iter().map(of_pixel).collect();
     let fast = splats.iter().filter(|splat| FlowCounts::is_fast(splat.blur)).count() as u64;
-    let counts = FlowCounts { splats: splats.len() as u64, fast };
-    Ok((LayerFragments::new(width * height, found.into_iter().flatten())?, counts))
+    let outside = found.iter().map(|(_, outside)| outside).sum();
+    let counts = FlowCounts { splats: splats.len() as u64, fast, outside };
+    Ok((LayerFragments::new(width * height, found.into_iter().flat_map(|(found, _)| found))?, counts))
+}
+
+/// Where fragments are drawn: in the cells that are shown, and in no clip.
+struct Domain<'a> {
+    cells: Vec<Tet>,
+    clips: &'a [Plane],
+}
+
+impl<'a> Domain<'a> {
+    fn of(scene: &'a FlowScene, view: &View) -> Self {
+        let in_view = |vertex: u32| view.to_view(scene.mesh.positions.local[vertex as usize].as_dvec3());
+        let shown = scene.mesh.topology.tets.iter().enumerate().filter(|(cell, _)| scene.cells.contains(*cell as u32));
+        let cells = shown.filter_map(|(_, tet)| Tet::new(view, tet.map(in_view))).collect();
+        Self { cells, clips: &scene.clips }
+    }
+
+    /// Tells of depths on a pixel's ray whether they are in it.
+    fn on_ray(&self, view: &View, (column, row): (usize, usize)) -> impl Fn(f64) -> bool {
+        let (px, py) = view.ray(column, row);
+        let may_meet = |tet: &&Tet| tet.columns.contains(&column) && tet.rows.contains(&row);
+        let parts = self.cells.iter().filter(may_meet).filter_map(|tet| Some(tet.part(view, px, py)?.ends));
+        let parts: Vec<[f64; 2]> = parts.collect();
+        move |depth| {
+            let at = on_ray(view, (px, py), depth);
+            let is_left = self.clips.iter().all(|clip| clip.distance(at) <= ON_BOUNDARY);
+            is_left && parts.iter().any(|[near, far]| near - ON_BOUNDARY <= depth && depth <= far + ON_BOUNDARY)
+        }
+    }
+}
+
+/// The local point at a depth on the ray of an image-plane point.
+fn on_ray(view: &View, (px, py): (f64, f64), depth: f64) -> DVec3 {
+    let spread = if view.perspective { depth } else { 1.0 };
+    view.eye + depth * view.forward + spread * (px * view.right + py * view.up)
 }
 
 /// Position on the screen of a local point, in pixels.

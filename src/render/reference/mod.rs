@@ -191,8 +191,8 @@ fn render_band(active: &JudgedJob, first: usize, pixels: &mut [[f32; 4]], depths
         if i.is_multiple_of(CELLS_AT_ONCE) && active.job.cancel.is_cancelled() {
             return 0;
         }
-        for row in cell.rows.start.max(rows.start)..cell.rows.end.min(rows.end) {
-            for (column, place) in view.rendered_in(row, cell.columns.clone()) {
+        for row in cell.tet.rows.start.max(rows.start)..cell.tet.rows.end.min(rows.end) {
+            for (column, place) in view.rendered_in(row, cell.tet.columns.clone()) {
                 let (px, py) = view.ray(column, row);
                 if places.contains(&place)
                     && let Some(segment) = cell.clip(view, scale, px, py)

@@ -60,6 +60,15 @@ fn flow_is_drawn_within_the_volume_by_every_renderer_as_the_judge_draws_it() {
         seen.push(found);
     }
     assert!(with_flow(&["--no-volume"]) == with_flow(&["--flow-volume", "none"]));
+    // What hangs out of the domain is not drawn, whatever the volume shows.
+    let cut = ["--no-volume", "--crop", "min=-3.3,-9,2 max=3.7,9,8"];
+    let judge = with_flow(&[&cut[..], &["--mode", "reference"]].concat());
+    for mode in ["raycast", "havs"] {
+        let found = with_flow(&[&cut[..], &["--mode", mode, "--stats", "s.json"]].concat());
+        assert!(rmse(&found, &judge) <= 1e-5 && apart(&found, &judge) <= 1e-3, "{mode}");
+        let outside = &stats(&place)[0]["stats"]["flow_outside"];
+        assert!(outside.as_u64().unwrap() > 100, "{outside}");
+    }
 }
 
 #[cfg(feature = "gpu")]

@@ -88,11 +88,23 @@ impl<'a, L: Lanes, K: Lights, A: Ahead, F: Fn(usize) -> A> CutLights<'a, L, K, A
         self.clear();
     }
 
+    /// Whether a lane's ray has ended at rows that have been composited: further steps were in vain.
+    #[inline(always)]
+    fn is_opaque(&self, lane: usize, out: &Out<'_>) -> bool {
+        out.early_termination && (self.lights.opaque() & !self.others) >> lane & 1 == 1
+    }
+
     /// A lane's next row, from the row `source` before cutting.
     #[inline(always)]
     fn row(&mut self, lane: usize, source: u8, out: &mut Out<'_>) -> (usize, &mut Cuts) {
-        if self.rows.cuts.as_ref().is_some_and(|cuts| cuts.counts[lane] == ROWS) {
+        if let Some(cuts) = &self.rows.cuts
+            && cuts.counts[lane] == ROWS
+        {
+            let is_next = source != BEHIND && source != cuts.sources[ROWS - 1][lane];
             self.flush(out);
+            if is_next && self.is_opaque(lane, out) {
+                out.stats.steps -= 1;
+            }
         }
         let cuts = self.rows.cuts.get_or_insert_default();
         let row = cuts.counts[lane];
@@ -174,8 +186,7 @@ impl<L: Lanes, K: Lights, A: Ahead, F: Fn(usize) -> A> Lights for CutLights<'_, 
             while todo != 0 {
                 let lane = todo.trailing_zeros() as usize;
                 todo &= todo - 1;
-                if out.early_termination && (self.lights.opaque() & !self.others) >> lane & 1 == 1 {
-                    // Walked in vain, behind rows that have been composited.
+                if self.is_opaque(lane, out) {
                     out.stats.steps -= 1;
                 } else {
                     let (from, to) = (rows.from(row, lane), rows.to(row, lane));

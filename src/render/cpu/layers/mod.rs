@@ -1,30 +1,29 @@
-//! The nearest depths at which rays pass through the boundary of the active cells.
+//! The nearest depths at which rays pass through the boundary of the active cells; and where rays are inside of cells ([`inside`]).
 //!
 //! The boundary is the faces between an active cell and an inactive one or the outside. Entry and exit faces count alike, as in depth
 //! peeling (C. Everitt, *Interactive Order-Independent Transparency*, 2001; the dissertation, section 4.1.2). Each pixel keeps its
 //! nearest depths while the faces of its tile are drawn in any order, so that one pass finds all depth layers.
 
+mod inside;
 mod nearest;
 #[cfg(test)]
 mod tests;
+mod tiled;
 
 use super::super::RenderJob;
-use super::raster::TileRays;
-use super::raster::boxes::{Bounds, BoxSource, project};
-use super::raster::lists::{ListedFace, TileLists};
+use super::raster::lists::ListedFace;
 use super::ray::transform;
-use super::tiles::{PixelRect, TILE_PX, TileGrid};
+use super::tiles::TILE_PX;
 use crate::camera::{Samples, View};
 use crate::image::Plane;
 use crate::image::upsample::Reference;
 use crate::mesh::{Connectivity, NONE};
 use crate::visibility::CellSet;
+pub(crate) use inside::{Inside, InsideFinder};
 pub use nearest::MAX_LAYERS;
-use nearest::{Scene, Scratch};
+use nearest::Nearest;
 use rayon::prelude::*;
-
-/// Faces sorted into tiles by one thread: enough to hide the cost of a list per tile.
-const FACES_PER_LIST: usize = 8 * 1024;
+use tiled::TiledFaces;
 
 /// Faces of the mesh between two checks of the cancel flag: a fraction of a millisecond.
 const FACES_PER_LOOK: usize = 64 * 1024;
@@ -47,35 +46,24 @@ impl BoundaryDepths {
     /// also those without rays; `None` if the job is cancelled. Depths before the near distance do not count.
     pub fn of(job: &RenderJob, layers: usize) -> Option<Self> {
         let view = View { samples: Samples::ALL, ..job.local_view() };
-        let (mut vertices, mut screen) = (Vec::new(), Vec::new());
+        let mut vertices = Vec::new();
         transform(&view, &job.mesh.positions.local, &job.scalars, None, &job.cancel, &mut vertices);
-        project(&view, &vertices, None, &job.cancel, &mut screen);
-        let grid = TileGrid::of(&view);
-        let source = BoxSource { view: &view, vertices: &vertices, screen: &screen };
         let faces = boundary_faces(job, &job.active)?;
         let faces: Vec<_> = faces.into_par_iter().map(|ids| ListedFace { ids, cells: [NONE; 2] }).collect();
-        let sorted = |faces: &[ListedFace]| {
-            let mut lists = TileLists::default();
-            lists.fill(source, grid, faces, &mut Vec::new());
-            lists
-        };
-        let lists: Vec<TileLists<ListedFace>> = faces.par_chunks(FACES_PER_LIST).map(sorted).collect();
-        let scene = Scene { view: &view, vertices: &vertices, layers: layers.min(MAX_LAYERS) };
+        let faces = TiledFaces::of(&view, &vertices, &faces, &job.cancel);
         let mut depths = vec![[f64::INFINITY; MAX_LAYERS]; view.width_px * view.height_px];
         let rows = depths.par_chunks_mut(view.width_px * TILE_PX).enumerate();
-        let ranges = rows.map_init(Scratch::default, |scratch, (row, depths)| {
-            let mut range = [f64::INFINITY, f64::NEG_INFINITY];
-            for tile in row * grid.columns..(row + 1) * grid.columns {
+        let ranges = rows.map_init(Nearest::default, |nearest, (row, depths)| {
+            let (mut range, columns) = ([f64::INFINITY, f64::NEG_INFINITY], faces.grid.columns);
+            for tile in row * columns..(row + 1) * columns {
                 if job.cancel.is_cancelled() {
                     break;
                 }
-                let rect = grid.rect(tile);
-                let rays = TileRays::new(&view, bounds_of(rect));
-                scratch.begin();
-                lists.iter().for_each(|list| scene.draw(list.items(tile), &rays, scratch));
-                range = joined(range, scratch.range);
+                let rect = faces.grid.rect(tile);
+                nearest.find(&faces, tile, layers, view.near_depth());
+                range = joined(range, nearest.range);
                 for (y, depths) in depths.chunks_mut(view.width_px).enumerate() {
-                    let found = &scratch.depths[y * TILE_PX..][..rect.width];
+                    let found = &nearest.depths[y * TILE_PX..][..rect.width];
                     depths[rect.x..rect.x + rect.width].copy_from_slice(found);
                 }
             }
@@ -107,10 +95,6 @@ impl BoundaryDepths {
 /// Union of two [least, greatest] ranges.
 fn joined(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0].min(b[0]), a[1].max(b[1])]
-}
-
-fn bounds_of(PixelRect { x, y, width, height }: PixelRect) -> Bounds {
-    Bounds { x0: x, x1: x + width, y0: y, y1: y + height }
 }
 
 /// The ascending corners of the faces between a cell in a set and none, in mesh order; `None` if the job is cancelled.

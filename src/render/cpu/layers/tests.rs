@@ -14,10 +14,10 @@ use std::sync::Arc;
 const SHORT: f64 = 1e-5;
 /// Local units: tolerance of depths. Coordinates below 8 are rounded by 1e-15, which a face seen at a flat angle of 1e-5 magnifies to
 /// 1e-10.
-const APART: f64 = 1e-9;
+pub(super) const APART: f64 = 1e-9;
 
 /// Two parts, one with a hole through it and a cavity, and some cells left out at random.
-fn scene(random: &mut Random, perspective: bool, within: bool) -> RenderJob {
+pub(super) fn scene(random: &mut Random, perspective: bool, within: bool) -> RenderJob {
     let keep = |[x, y, z]: [usize; 3]| x != 3 && !(x == 1 && y == 1) && [x, y, z] != [5, 1, 1];
     let (mesh, _) = Mesh::build(jittered(kuhn_grid_of([7, 3, 3], keep), random)).unwrap();
     let mesh = Arc::new(mesh);
@@ -37,7 +37,7 @@ fn scene(random: &mut Random, perspective: bool, within: bool) -> RenderJob {
 }
 
 /// The ends of each ray's intervals in active cells, local, ascending; `None` where some are too short to compare.
-fn ends(job: &RenderJob) -> Vec<Option<Vec<f64>>> {
+pub(super) fn ends(job: &RenderJob) -> Vec<Option<Vec<f64>>> {
     let view = job.local_view();
     let topology = &job.mesh.topology;
     let in_view = |v: u32| view.to_view(job.mesh.positions.local[v as usize].as_dvec3());

@@ -31,7 +31,6 @@ pub(in crate::render) struct EntryFace {
 }
 
 /// All entry faces, in the order of their cells; only some of them if `cancel` is raised.
-#[cfg(feature = "gpu")]
 pub(in crate::render) fn collect(topology: &Topology, active: &CellSet, cancel: &Cancel, out: &mut Vec<EntryFace>) {
     out.clear();
     out.par_extend((0..cluster_count(active)).into_par_iter().flat_map_iter(|cluster| {

@@ -88,7 +88,7 @@ fn one_generated_icon_has_its_bits_wherever_it_is_named_and_values_that_are_not_
         let some = of(&with_icons(&mesh, icons([0.5, 1.0], 0.1), Some(heights(bad)))).1;
         assert!(some.splats > 10 && some.splats < counts.splats, "{some:?}");
     }
-    assert_eq!(of(&with_icons(&mesh, icons([0.5, 1.0], 0.1), Some(heights(0.7)))).1, counts);
+    assert_eq!(of(&with_icons(&mesh, icons([0.5, 1.0], 0.1), Some(heights(0.7)))).1.splats, counts.splats);
 }
 
 #[test]
