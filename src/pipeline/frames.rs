@@ -141,7 +141,7 @@ impl FrameCache {
             self.frames.clear();
             self.bytes = 0;
         }
-        self.frames.iter().find(|(kept, _)| kept.time == request.time).map(|(_, frame)| frame.clone())
+        self.frames.iter().find(|(kept, _)| kept.same_moment(request)).map(|(_, frame)| frame.clone())
     }
 
     /// Caches a frame if it is new, fits, depends on no other frame, and may come again.
@@ -270,6 +270,24 @@ mod tests {
         cache.put(&series, &moment, &pool.share(Frame::default()));
         cache.put(&series, &held, &pool.share(Frame::default()));
         assert!(cache.get(&series, &held).is_none() && cache.get(&series, &moment).is_some());
+    }
+
+    #[test]
+    fn frames_of_a_series_that_plays_are_kept_each_with_its_shutter() {
+        let (pool, (series, _)) = (FramePool::default(), test_series::logged(5));
+        let flow = FlowLayer::new("velocity".to_owned(), FlowStyle::default());
+        let at = |step: usize, shutter: f64| {
+            let mut request = request(step);
+            request.layers.push(Layer::Flow(flow.clone()));
+            request.with_shutter(shutter)
+        };
+        let mut cache = FrameCache::new(FrameBudget::new(1 << 20));
+        // The times of the series are not uniform.
+        let played = [at(0, 0.1), at(1, 0.3), at(2, 0.2)];
+        played.iter().for_each(|request| cache.put(&series, request, &pool.share(Frame::default())));
+        assert!(played.iter().all(|request| cache.get(&series, request).is_some()));
+        assert!(cache.get(&series, &at(1, 0.0)).is_none(), "the same step at rest");
+        assert!(cache.get(&series, &at(0, 0.3)).is_none());
     }
 
     #[test]

@@ -47,11 +47,11 @@ impl Layer {
         }
     }
 
-    /// Whether both look the same.
+    /// Whether both look the same at a time.
     pub(super) fn looks_like(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Tets(layer), Self::Tets(other)) => layer.looks_like(other),
-            (Self::Flow(layer), Self::Flow(other)) => layer == other,
+            (Self::Flow(layer), Self::Flow(other)) => layer.looks_like(other),
             _ => false,
         }
     }

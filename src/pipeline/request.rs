@@ -113,6 +113,13 @@ impl FrameRequest {
         self
     }
 
+    /// The request with the patterns of its flow averaged over a time, in the series' unit: that until the next frame of a series that
+    /// plays; as it is without flow.
+    #[must_use]
+    pub fn with_shutter(self, shutter: f64) -> Self {
+        self.holding(0.0, shutter)
+    }
+
     /// The request with its layer of cells changed, if there is one.
     #[must_use]
     pub fn with_tets(mut self, change: impl FnOnce(&mut TetLayer)) -> Self {
@@ -198,7 +205,13 @@ impl FrameRequest {
         }
     }
 
-    /// Whether two requests show the same view, whatever their times.
+    /// Whether two requests show the same moment: the same time, of which the flow has gone on for as long and is averaged over as long.
+    pub fn same_moment(&self, other: &Self) -> bool {
+        let of_flow = |r: &Self| r.layers.iter().find_map(Layer::flow).map(|flow| (flow.held, flow.shutter));
+        self.time == other.time && of_flow(self) == of_flow(other)
+    }
+
+    /// Whether two requests show the same view, whatever their times and [shutters](FlowLayer::shutter).
     pub fn same_view(&self, other: &Self) -> bool {
         let rest = |r: &Self| (r.camera, r.size_px, r.layers.len(), r.guides, r.backend, r.for_window, r.skip);
         rest(self) == rest(other)

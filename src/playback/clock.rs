@@ -1,6 +1,7 @@
 //! The clock: commands and times in, due frames out.
 
 mod growth;
+mod interval;
 
 use super::command::{Command, CommandError, Direction, Mode, Settings};
 use super::course::{Course, Score, default_speed, heading, speed};

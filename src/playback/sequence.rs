@@ -91,6 +91,11 @@ impl Sequence {
         }
     }
 
+    /// The two lattice steps between which a step is left, from the last one on those before it; `None` if there is one alone.
+    pub fn interval(&self, step: usize) -> Option<(usize, usize)> {
+        (self.first < self.last).then(|| step.clamp(self.first, self.last - 1)).and_then(|step| self.around(step))
+    }
+
     /// The two lattice steps around the interval from `step` to the next of the series; `None` outside of the lattice.
     pub fn around(&self, step: usize) -> Option<(usize, usize)> {
         let lower = self.first + step.checked_sub(self.first)? / self.stride * self.stride;

@@ -8,7 +8,7 @@ use crate::calculator::calculated;
 use crate::ingest::{IngestOptions, ingest};
 use crate::look::FlowLook;
 use crate::pipeline::{FlowLayer, Series};
-use crate::playback::Command;
+use crate::playback::{Command, Mode};
 use crate::render::flow::{FlowIcons, FlowStyle, Icon, IconName, Thresholds};
 use crate::render::surfaces::ByField;
 use crate::store::Store;
@@ -36,7 +36,7 @@ fn desk() -> Desk {
 }
 
 #[test]
-fn a_held_step_flows_on_and_a_played_one_does_not() {
+fn a_held_step_flows_on_and_a_played_one_is_open_until_the_next() {
     let mut desk = desk();
     let (usual, pixels) = (desk.session.flow_rate().unwrap(), desk.shown().frame.planes.color.clone());
     assert!(usual > 0.0);
@@ -56,13 +56,18 @@ fn a_held_step_flows_on_and_a_played_one_does_not() {
     assert!(desk.shown().frame.planes.color != pixels, "patterns moved");
     let (is_new, wait) = desk.session.tick(desk.now);
     assert!(!is_new && wait.is_some_and(|wait| wait.as_millis() < 20), "it goes on by itself: {wait:?}");
-    for command in [Command::Step(1), Command::Play] {
+    let times = desk.session.series().times().values.clone();
+    for (command, shutter) in [
+        (Command::Step(1), 0.0),
+        (Command::Play, times[2] - times[1]),
+        (Command::Pause, 0.0),
+        (Command::SeekStep(0), 0.0),
+        (Command::Step(1), 0.0),
+    ] {
         desk.act(Action::Play(command));
         desk.settle();
-        assert_eq!(flow(&desk).map(|flow| (flow.held, flow.shutter)), Some((0.0, 0.0)), "{command:?}");
+        assert_eq!(flow(&desk).map(|flow| (flow.held, flow.shutter)), Some((0.0, shutter)), "{command:?}");
     }
-    desk.act(Action::Play(Command::Pause));
-    desk.settle();
     // At a rate of zero a held step stands still.
     let still = FlowLook { rate: Some(0.0), ..desk.session.look().flow.clone().unwrap() };
     desk.act(Action::Flow(Some(Box::new(still))));
@@ -71,6 +76,37 @@ fn a_held_step_flows_on_and_a_played_one_does_not() {
     desk.settle();
     desk.later(100);
     assert_eq!((desk.settle(), flow(&desk).unwrap().held), (0, 0.0));
+}
+
+#[test]
+fn frames_that_are_played_are_open_for_the_nominal_time_of_a_frame_and_the_last_one_closes() {
+    let mut desk = desk();
+    let times = desk.session.series().times().clone();
+    let shutter = |desk: &Desk| flow(desk).unwrap().shutter;
+    desk.act(Action::Play(Command::Stride(2)));
+    desk.act(Action::Play(Command::Play));
+    desk.settle();
+    desk.later(40);
+    desk.settle();
+    // The end of what is played: it stands still.
+    assert_eq!((desk.step(), desk.session.state().playing, shutter(&desk)), (2, false, 0.0));
+    for command in [Command::Stride(1), Command::Mode(Mode::RealTime), Command::Interpolate(true), Command::Speed(0.5)]
+    {
+        desk.act(Action::Play(command));
+    }
+    desk.act(Action::Play(Command::SeekStep(0)));
+    desk.settle();
+    assert_eq!(shutter(&desk), 0.0);
+    desk.act(Action::Play(Command::Play));
+    // At the latest of a frame in real time.
+    desk.later((0.3 * (times.values[1] - times.values[0]) / 0.5 * 1e3) as u64);
+    desk.settle();
+    assert!(desk.session.state().playing && desk.shown().request.time.toward().is_some());
+    assert_eq!(shutter(&desk), 0.5 / 25.0);
+    // Frames that are compared with another view's are as at rest.
+    desk.session.share(2, true);
+    desk.settle();
+    assert_eq!(shutter(&desk), 0.0);
 }
 
 #[test]

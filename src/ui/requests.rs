@@ -6,6 +6,7 @@ use super::still::Still;
 use crate::look::{Colors, Keyed, Look};
 use crate::node_table::NodeTable;
 use crate::pipeline::{FaceDetail, FrameRequest, FrameTime, RenderMode, Series};
+use crate::playback::State;
 use crate::playback::quality::Quality;
 use crate::project::Project;
 use crate::render::Contrast;
@@ -26,12 +27,45 @@ pub(super) struct Requests {
     pub(super) still: Option<Still>,
     /// A moment that is held while its flow goes on: for how long, and by how much since the last frame, in the series' unit.
     pub(super) held: Option<(FrameTime, f64, f64)>,
+    /// Over which time of the series patterns of flow are averaged at other moments.
+    pub(super) shutter: Shutter,
+}
+
+/// For how long frames show the flow that goes on while the series plays.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) enum Shutter {
+    /// It stands still.
+    #[default]
+    Closed,
+    /// It is played like this, with so many frames a second in real time: a frame is open until the next one.
+    Played(State, f64),
+    /// Another session leads, whose frame is open for this time.
+    Led(f64),
+}
+
+impl Shutter {
+    /// The time of the series for which it is open at a frame.
+    pub(super) fn of(&self, series: &Series, time: FrameTime) -> f64 {
+        match self {
+            Self::Closed => 0.0,
+            Self::Played(state, fps) => state.interval(series.times(), time, *fps),
+            Self::Led(open) => *open,
+        }
+    }
 }
 
 impl Requests {
     /// Requests by this worker.
     pub(super) fn of(worker: ProjectWorker) -> Self {
-        Self { worker, problem: None, for_window: false, previews: Vec::new(), still: None, held: None }
+        Self {
+            worker,
+            problem: None,
+            for_window: false,
+            previews: Vec::new(),
+            still: None,
+            held: None,
+            shutter: Shutter::Closed,
+        }
     }
 
     /// The request for a time of a project, whose settings come before those of the look; `None`: they are pending. `size` is that of an
@@ -60,7 +94,10 @@ impl Requests {
         let request = request.with_draw(draw);
         let request = match self.held {
             Some((moment, held, shutter)) if moment == time => request.holding(held, shutter),
-            _ => request,
+            _ => match self.shutter.of(series, time) {
+                open if open > 0.0 => request.with_shutter(open),
+                _ => request,
+            },
         };
         let request = FrameRequest { for_window: self.for_window, ..request };
         let has_rays = request.may_leave_rays_out();

@@ -163,6 +163,8 @@ pub struct Session {
     follower: Option<Follower>,
     /// Time and settings of the clock that leads this one.
     led_to: Option<(f64, Settings)>,
+    /// The time of the series that a frame of a clock lasts that leads this one and plays; 0 if none does.
+    led_shutter: f64,
     /// Whether the next viewport of another shape is fitted to the whole mesh.
     refits: bool,
 }
@@ -236,6 +238,7 @@ impl Session {
             shared: Default::default(),
             follower: None,
             led_to: None,
+            led_shutter: 0.0,
             refits: false,
         })
     }

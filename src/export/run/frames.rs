@@ -143,7 +143,7 @@ impl Job<'_> {
             return Err(files::taken(&file).into());
         }
         attributes.extras.extend(fingerprint.map(|f| (FrameAttributes::FINGERPRINT.to_owned(), f)));
-        let is_same = |other: &FrameRequest| other.time == request.time && other.same_view(&request);
+        let is_same = |other: &FrameRequest| other.same_moment(&request) && other.same_view(&request);
         let origin = match last {
             _ if found == Found::Frame => Origin::Kept,
             Some((Origin::Rendered | Origin::Repeated, other)) if is_same(other) => Origin::Repeated,
@@ -236,11 +236,49 @@ pub fn picture(
 /// The request of a frame, with its time, turntable angle and flow.
 fn request_for(scene: &mut Scene, planned: &PlannedFrame) -> Result<FrameRequest, RunError> {
     let mut request = scene.request_at(planned.time, planned.at)?;
-    if let Some(Held { since_s, frame_s }) = planned.held {
-        request = scene.holding(request, since_s, frame_s)?;
-    }
+    request = match planned.held {
+        Some(Held { since_s, frame_s }) => scene.holding(request, since_s, frame_s)?,
+        None if planned.shutter > 0.0 => request.with_shutter(planned.shutter),
+        None => request,
+    };
     if planned.azimuth_deg != 0.0 {
         request.camera = request.camera.orbit(planned.azimuth_deg, 0.0)?;
     }
     Ok(request)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::export::run::Times;
+    use crate::ingest::{IngestOptions, ingest};
+    use crate::look::FlowLook;
+    use crate::pipeline::Layer;
+    use crate::render::flow::FlowStyle;
+    use crate::synth::{SeriesName, SynthSpec, generate};
+    use crate::task::Silent;
+
+    #[test]
+    fn a_frame_of_a_motion_is_the_request_of_its_moment_with_its_shutter() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("t.zarr");
+        let tornado = generate(&SynthSpec { cells: 600, steps: 3, ..SynthSpec::new(SeriesName::Tornado) }).unwrap();
+        ingest(&tornado, &path, &IngestOptions::default(), &Silent, &Cancel::new()).unwrap();
+        let mut scene = Scene::open(&path).unwrap();
+        scene.size_px = (32, 24);
+        scene.look.flow = Some(FlowLook::new("velocity".to_owned(), FlowStyle { speed: 9.0, ..FlowStyle::default() }));
+        let times = scene.pipeline.times().clone();
+        for (is_movie, duration_s) in [(false, None), (true, None), (false, Some(0.2))] {
+            let of_run = Times { duration_s, interpolate: duration_s.is_some(), ..Times::default() };
+            let planned = of_run.plan(&times, is_movie).unwrap().frames[1];
+            assert_eq!(planned.shutter > 0.0, is_movie || duration_s.is_some());
+            let request = scene.request_at(planned.time, planned.at).unwrap().with_shutter(planned.shutter);
+            assert_eq!(request_for(&mut scene, &planned).unwrap(), request);
+            let flow = request.layers.iter().find_map(Layer::flow).unwrap();
+            assert_eq!((flow.held, flow.shutter), (0.0, planned.shutter));
+            let image = picture(&mut scene, &planned, None).unwrap();
+            let frame = scene.pipeline.render(&request).unwrap();
+            assert!(image == frame.planes.color && (frame.stats.flow_fast > 0) == (planned.shutter > 0.0));
+        }
+    }
 }

@@ -108,7 +108,7 @@ impl RunOptions {
     /// # Errors
     /// If there are none, or they have no files.
     pub fn plan(&self, times: &TimeAxis) -> Result<Plan, OptionsError> {
-        let plan = self.times.plan(times)?;
+        let plan = self.times.plan(times, matches!(self.target, Target::Movie(..)))?;
         let frames = plan.frames.len();
         if let Target::Images(pattern) = &self.target
             && frames > 1

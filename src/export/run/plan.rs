@@ -76,6 +76,8 @@ pub struct PlannedFrame {
     pub azimuth_deg: f64,
     /// Where all frames show one step, for how long that has been held: its flow goes on meanwhile.
     pub held: Option<Held>,
+    /// Time of the series over which patterns of flow are averaged: that until the next frame, where the run is seen as motion.
+    pub shutter: f64,
 }
 
 /// A step that is held.
@@ -104,9 +106,22 @@ impl Plan {
     pub fn of_steps(steps: &[usize], times: &TimeAxis) -> Self {
         let frame = |&step: &usize| {
             let time = FrameTime::from(step);
-            PlannedFrame { time, at: time.time(times), azimuth_deg: 0.0, held: None }
+            PlannedFrame { time, at: time.time(times), azimuth_deg: 0.0, held: None, shutter: 0.0 }
         };
         Self { frames: steps.iter().map(frame).collect(), steps: steps.to_vec() }
+    }
+
+    /// Gives each frame a shutter: the time of the series until the next one, the last the time since the one before. Where all show one
+    /// time there is none.
+    fn open_shutters(&mut self, times: &TimeAxis) {
+        let shown: Vec<f64> = self.frames.iter().map(|frame| frame.time.time(times)).collect();
+        // Frames that repeat a picture are that picture: the next one is another.
+        let pictures: Vec<&[f64]> = shown.chunk_by(|a, b| a == b).collect();
+        let until = |pair: &[&[f64]]| Some((pair[1][0] - pair[0][0]).abs()).filter(|time| time.is_finite());
+        let mut shutters: Vec<f64> = pictures.windows(2).map(|pair| until(pair).unwrap_or(0.0)).collect();
+        shutters.extend(shutters.last().copied());
+        let of_frames = pictures.iter().zip(shutters).flat_map(|(of, shutter)| std::iter::repeat_n(shutter, of.len()));
+        self.frames.iter_mut().zip(of_frames).for_each(|(frame, shutter)| frame.shutter = shutter);
     }
 
     /// The steps that `count` frames from frame `first` on use, in order.
@@ -156,16 +171,19 @@ impl Times {
         Ok(())
     }
 
-    /// Plans the frames of a series with these times.
+    /// Plans the frames of a series with these times. Those of a movie, or of a duration, are seen as motion.
     ///
     /// # Errors
     /// If there are none.
-    pub fn plan(&self, times: &TimeAxis) -> Result<Plan, PlanError> {
+    pub fn plan(&self, times: &TimeAxis, is_movie: bool) -> Result<Plan, PlanError> {
         let selected = self.steps.select(times.len())?;
         let mut plan = match self.frame_count()? {
             None => Plan::of_steps(&self.steps_within(&selected, times)?, times),
             Some(count) => self.spread(&selected, times, count)?,
         };
+        if is_movie || self.duration_s.is_some() {
+            plan.open_shutters(times);
+        }
         if let Some(degrees) = self.turntable_deg.filter(|degrees| *degrees != 0.0) {
             let count = plan.frames.len();
             if count < 2 {
@@ -204,7 +222,7 @@ impl Times {
             let at = begin * (1.0 - share) + end * share;
             if let Some(time) = FrameTime::at(times, selected, at, self.interpolate) {
                 let held = is_held.then_some(Held { since_s: n as f64 * frame_s, frame_s });
-                frames.push(PlannedFrame { time, at, azimuth_deg: 0.0, held });
+                frames.push(PlannedFrame { time, at, azimuth_deg: 0.0, held, shutter: 0.0 });
             }
         }
         let shown = frames.iter().flat_map(|f| [Some(f.time.step()), f.time.toward().map(|(next, _)| next)]);
@@ -267,20 +285,20 @@ mod tests {
     #[test]
     fn without_a_duration_each_step_is_a_frame() {
         let args = Times { steps: "1..4:3".parse().unwrap(), ..Default::default() };
-        assert_eq!(args.plan(&times()).unwrap(), Plan::of_steps(&[1, 4], &times()));
+        assert_eq!(args.plan(&times(), false).unwrap(), Plan::of_steps(&[1, 4], &times()));
         let args = Times { range: Some((0.1, 0.7)), ..Default::default() };
-        assert_eq!(args.plan(&times()).unwrap(), Plan::of_steps(&[1, 2, 3], &times()));
+        assert_eq!(args.plan(&times(), false).unwrap(), Plan::of_steps(&[1, 2, 3], &times()));
     }
 
     #[test]
     fn a_duration_is_spread_over_the_time_range_ends_included() {
         let args = Times { duration_s: Some(0.64), ..Default::default() };
-        let plan = args.plan(&times()).unwrap();
+        let plan = args.plan(&times(), false).unwrap();
         // A frame every 0.1: steps are held until the next one.
         assert_eq!(steps_of(&plan), [0, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3, 3, 3, 3, 3, 4]);
         assert_eq!(plan.steps, [0, 1, 2, 3, 4]);
         let args = Times { duration_s: Some(0.2), interpolate: true, range: Some((0.4, 0.6)), ..args };
-        let plan = args.plan(&times()).unwrap();
+        let plan = args.plan(&times(), false).unwrap();
         assert_eq!((plan.frames.len(), &plan.steps[..]), (5, &[2, 3][..]), "no step lies in the range itself");
         let shown: Vec<f64> = plan.frames.iter().map(|f| f.time.time(&times())).collect();
         for (time, expected) in shown.iter().zip([0.4, 0.45, 0.5, 0.55, 0.6]) {
@@ -292,17 +310,47 @@ mod tests {
     #[test]
     fn a_turntable_divides_its_angle_by_the_frames_and_never_comes_round_to_the_first() {
         let one_step = Times { steps: "2".parse().unwrap(), turntable_deg: Some(360.0), ..Default::default() };
-        assert!(one_step.plan(&times()).unwrap_err().to_string().contains("--duration"));
+        assert!(one_step.plan(&times(), false).unwrap_err().to_string().contains("--duration"));
         let args = Times { duration_s: Some(4.0), ..one_step };
-        let plan = args.plan(&times()).unwrap();
+        let plan = args.plan(&times(), false).unwrap();
         assert_eq!(plan.frames.len(), 100);
         let held = Some(Held { since_s: 1.0, frame_s: 0.04 });
-        assert_eq!(plan.frames[25], PlannedFrame { time: 2.into(), at: 0.3, azimuth_deg: 90.0, held });
+        assert_eq!(plan.frames[25], PlannedFrame { time: 2.into(), at: 0.3, azimuth_deg: 90.0, held, shutter: 0.0 });
         assert_eq!((plan.frames[0].azimuth_deg, plan.frames[99].azimuth_deg), (0.0, 356.4));
         let args = Times { turntable_deg: Some(-50.0), ..Default::default() };
-        let angles: Vec<f64> = args.plan(&times()).unwrap().frames.iter().map(|f| f.azimuth_deg).collect();
+        let angles: Vec<f64> = args.plan(&times(), false).unwrap().frames.iter().map(|f| f.azimuth_deg).collect();
         assert_eq!(angles, [-0.0, -10.0, -20.0, -30.0, -40.0]);
-        assert!(args.plan(&times()).unwrap().frames.iter().all(|frame| frame.held.is_none()));
+        assert!(args.plan(&times(), false).unwrap().frames.iter().all(|frame| frame.held.is_none()));
+    }
+
+    #[test]
+    fn a_frame_of_a_motion_is_open_until_the_next_one_and_a_still_is_not() {
+        let shutters = |args: Times, is_movie: bool| -> Vec<f64> {
+            args.plan(&times(), is_movie).unwrap().frames.iter().map(|frame| frame.shutter).collect()
+        };
+        let are = |found: Vec<f64>, expected: &[f64]| {
+            let close = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-15;
+            assert!(found.len() == expected.len() && found.iter().zip(expected).all(close), "{found:?}");
+        };
+        let steps = |text: &str| Times { steps: text.parse().unwrap(), ..Times::default() };
+        are(shutters(Times::default(), true), &[0.1, 0.2, 0.4, 0.8, 0.8]);
+        are(shutters(steps("0..4:2"), true), &[0.3, 1.2, 1.2]);
+        are(shutters(steps("0..4:2"), false), &[0.0; 3]);
+        are(shutters(steps("2"), true), &[0.0]);
+        // Pictures between two steps follow one another evenly.
+        let spread = |duration: f64, interpolate| Times { duration_s: Some(duration), interpolate, ..Times::default() };
+        are(shutters(spread(0.2, true), false), &[0.375; 5]);
+        // A step that is shown by several frames is open until the next step: the picture does not change before.
+        let found = shutters(spread(0.64, false), false);
+        assert_eq!(found, shutters(spread(0.64, false), true));
+        are(found, &[[0.1].as_slice(), &[0.2; 2], &[0.4; 4], &[0.8; 9]].concat());
+        are(shutters(spread(0.04, true), true), &[0.0]);
+        // A step that is held, or one time, has a shutter of its own or none.
+        are(shutters(Times { steps: "2".parse().unwrap(), ..spread(0.2, false) }, true), &[0.0; 5]);
+        are(shutters(Times { range: Some((0.2, 0.2)), ..spread(0.2, true) }, true), &[0.0; 5]);
+        let endless = TimeAxis { values: vec![-f64::MAX, f64::MAX] };
+        let plan = Times::default().plan(&endless, true).unwrap();
+        assert!(plan.frames.iter().all(|frame| frame.shutter == 0.0));
     }
 
     #[test]
@@ -321,6 +369,6 @@ mod tests {
             assert!(refused.to_string().contains("--duration"), "{refused}");
         }
         let elsewhere = Times { range: Some((2.0, 3.0)), duration_s: Some(1.0), ..Default::default() };
-        assert!(elsewhere.plan(&times()).unwrap_err().to_string().contains("0 to 1.5"));
+        assert!(elsewhere.plan(&times(), false).unwrap_err().to_string().contains("0 to 1.5"));
     }
 }

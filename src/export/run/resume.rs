@@ -176,7 +176,7 @@ mod tests {
         // Fingerprint of a frame at `time`, with these checksums of the steps.
         let of = |time: FrameTime, checksums: [u32; 3]| {
             let fingerprints = Fingerprints::new(series.mesh(), &plan, &checksums, "png");
-            let frame = PlannedFrame { time, at: 0.0, azimuth_deg: 0.0, held: None };
+            let frame = PlannedFrame { time, at: 0.0, azimuth_deg: 0.0, held: None, shutter: 0.0 };
             let request = FrameRequest::new(time, camera, table.clone(), (8, 8));
             fingerprints.of(&frame, &request, &FrameAttributes::default(), &series, &Cancel::new()).unwrap()
         };

@@ -34,8 +34,8 @@ pub struct FlowLayer {
     /// The time for which the flow of the frame's moment has gone on, in the series' unit: patterns drift while the moment is held.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub held: f64,
-    /// The time over which patterns are averaged, in the series' unit: that until the next frame, while the moment is held. What is too fast
-    /// for the frame rate is then blurred, and does not seem to run backwards.
+    /// The time over which patterns are averaged, in the series' unit: that until the next frame, while the moment is held or the series
+    /// plays. What is too fast for the frame rate is then blurred, and does not seem to run backwards.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub shutter: f64,
 }
@@ -53,6 +53,12 @@ impl FlowLayer {
     /// Whether something of it may be seen: its icons have an opacity, or its splats show the scalars.
     pub fn is_seen(&self) -> bool {
         self.style.opacity > 0.0 || self.style.volume == FlowVolume::Splats
+    }
+
+    /// Whether both look the same but for their shutters, which change with the frames around.
+    pub(super) fn looks_like(&self, other: &Self) -> bool {
+        let Self { field, style, icons, colors, held, shutter: _ } = self;
+        (field, style, icons, colors, held) == (&other.field, &other.style, &other.icons, &other.colors, &other.held)
     }
 
     /// Why it cannot be drawn, whatever the series holds.

@@ -1,6 +1,6 @@
 //! Flow in a session: switched on and off, coloured, and going on while a step is held.
 
-use super::Session;
+use super::{Session, Shown};
 use crate::look::{BesideError, ColorBar, FlowLook, colors_beside};
 use crate::pipeline::{ColorsBeside, FlowLayer, FlowMeasure, FrameRequest, FrameTime, Layer, vector_fields};
 use crate::playback::State;
@@ -10,6 +10,7 @@ use crate::stats::FrameStats;
 use crate::task::Cancel;
 use crate::ui::jobs::Done;
 use crate::ui::notice::NoticeKind;
+use crate::ui::requests::Shutter;
 use std::time::Duration;
 
 /// Least time between two frames of a moment that is held: that of most displays.
@@ -56,6 +57,27 @@ impl Session {
     /// Whether a step is held while its flow goes on. Beside another view with which it is compared it stands still.
     pub(super) fn drifts(&self, state: &State) -> bool {
         !state.playing && !self.shared.is_compared && self.flow_rate().is_some_and(|rate| rate > 0.0)
+    }
+
+    /// The time for which frames show the flow that goes on while the series plays. Frames that are compared with another view's are as those
+    /// at rest.
+    pub(super) fn shutter(&self, state: &State) -> Shutter {
+        match self.led_shutter {
+            _ if self.shared.is_compared => Shutter::Closed,
+            open if open > 0.0 => Shutter::Led(open),
+            _ if state.playing => Shutter::Played(*state, self.target_fps.unwrap_or(Self::NOMINAL_FPS)),
+            _ => Shutter::Closed,
+        }
+    }
+
+    /// Opens the shutter for further frames, or closes it: the frame on the screen is then drawn as it is at rest.
+    pub(super) fn open_shutter(&mut self, state: &State) {
+        let before = std::mem::replace(&mut self.requests.shutter, self.shutter(state));
+        let is_blurred = |shown: &Shown| shown.request.layers.iter().filter_map(Layer::flow).any(|of| of.shutter > 0.0);
+        let is_closed = self.requests.shutter == Shutter::Closed;
+        if is_closed && before != Shutter::Closed && self.shown.as_ref().is_some_and(is_blurred) {
+            self.ask_again();
+        }
     }
 
     /// Says that nothing flows in a frame: once, while the field stays.

@@ -25,6 +25,9 @@ impl Session {
     /// Tells with how many views, itself included, the time of a frame is shared, and whether frames are compared with another view's.
     pub(in crate::ui) fn share(&mut self, views: usize, is_compared: bool) {
         self.shared = Share { views, is_compared };
+        if views == 1 {
+            self.led_shutter = 0.0;
+        }
     }
 
     /// The viewport is about to change its shape: a camera that still frames the whole mesh does so afterwards, too.
@@ -43,6 +46,8 @@ impl Session {
         let state = leader.state();
         // A clock that runs may be ahead of the picture already: the step shown would be left out here.
         let shown = leader.shown().filter(|_| state.playing).map(|shown| shown.request.time);
+        let open = shown.map(|frame| leader.shutter(&state).of(leader.series(), frame));
+        self.led_shutter = open.unwrap_or(0.0);
         if let Some(time) = shown.or(state.frame).map(|frame| frame.time(leader.series().times())) {
             self.go_to(time, &state.settings, now);
         }
@@ -78,7 +83,7 @@ impl Session {
         for command in commands(&state, has_same_steps) {
             self.command(command, now);
         }
-        self.led_to = None;
+        (self.led_to, self.led_shutter) = (None, 0.0);
         leader.command(Command::Pause, now);
     }
 }

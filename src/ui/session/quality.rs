@@ -158,7 +158,7 @@ impl Session {
         let as_exact =
             FrameRequest { size_px: request.size_px, samples: request.samples.clone(), ..moved.request.clone() };
         let as_exact = as_exact.with_draw(draw);
-        if moved.request.time != request.time || !as_exact.same_view(request) {
+        if !moved.request.same_moment(request) || !as_exact.same_view(request) {
             return;
         }
         let exact = shown.frame.clone();

@@ -28,6 +28,7 @@ impl Session {
         let is_elsewhere = self.shown.as_ref().is_some_and(|shown| shown.frame.planes.color.pixels.is_empty());
         let is_wanted_here = self.shared.is_compared || (self.wants_screenshot && is_elsewhere);
         let for_window = self.has_window_gpu && !is_wanted_here;
+        self.open_shutter(&state);
         let drift = self.drift(now, &state);
         let (series, target_ms, family) = (self.series().clone(), self.target_ms(&state, now), self.family);
         self.look_at_costs(size);

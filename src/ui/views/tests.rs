@@ -4,10 +4,12 @@ use super::super::desk::{Desk, slow, store};
 use super::super::worker::tests::wait_for;
 use super::*;
 use crate::camera::Axis;
+use crate::look::FlowLook;
 use crate::pipeline::Series;
 use crate::pipeline::test_series::logged;
 use crate::playback::quality::Quality;
 use crate::playback::{Command, Direction, Loop, Mode, StepRange};
+use crate::render::flow::FlowStyle;
 use crate::transfer::ColorMap;
 use glam::DVec2;
 use std::path::Path;
@@ -312,4 +314,30 @@ fn a_camera_that_frames_the_mesh_does_so_in_half_of_the_window_too() {
     pair.views.put_beside(Desk::of(series.clone(), Path::new(".")).session, Duration::ZERO);
     pair.views.active_mut().set_viewport(15, 20);
     assert_eq!(pair.views.active().camera(), moved);
+}
+
+#[test]
+fn the_flow_of_both_views_is_blurred_while_one_of_them_plays() {
+    let mut pair = Pair::open();
+    pair.settle();
+    for session in pair.views.sessions_mut() {
+        let still = FlowLook { rate: Some(0.0), ..FlowLook::new("velocity".to_owned(), FlowStyle::default()) };
+        session.act(Action::Flow(Some(Box::new(still))), Duration::ZERO);
+    }
+    pair.settle();
+    let shutters = |pair: &Pair| {
+        let layers = |view: &Session| view.shown().unwrap().request.layers.clone();
+        [pair.views.active(), pair.views.beside().unwrap()]
+            .map(|view| layers(view).iter().find_map(|layer| layer.flow()).unwrap().shutter)
+    };
+    assert_eq!(shutters(&pair), [0.0; 2]);
+    pair.act(Action::Play(Command::Play));
+    pair.settle();
+    pair.now += Duration::from_millis(40);
+    pair.settle();
+    let times = &store().times().values;
+    assert_eq!((pair.steps(), shutters(&pair)), ([1; 2], [times[2] - times[1]; 2]));
+    pair.act(Action::Play(Command::Pause));
+    pair.settle();
+    assert_eq!((pair.steps(), shutters(&pair)), ([1; 2], [0.0; 2]));
 }

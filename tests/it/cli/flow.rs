@@ -163,7 +163,7 @@ fn a_held_step_flows_on_by_a_rate_and_a_rate_of_zero_stands_still() {
 }
 
 /// The statistics of a run, a frame each.
-fn stats(place: &Place) -> Vec<serde_json::Value> {
+pub(super) fn stats(place: &Place) -> Vec<serde_json::Value> {
     let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(place.path("s.json")).unwrap()).unwrap();
     stats.as_array().unwrap().clone()
 }

@@ -9,6 +9,7 @@ mod fit;
 mod flow;
 mod flow_cells;
 mod flow_icons;
+mod flow_motion;
 mod flow_travel;
 mod import;
 mod movie;
