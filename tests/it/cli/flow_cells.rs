@@ -83,10 +83,21 @@ fn vectors_of_cells_have_a_splat_in_each_cell_as_the_judge_draws_them() {
     for (options, parts) in [
         (&["--flow", "u", "--flow-color", "T"][..], &["'T'", "of vertices", "vectors of cells", "field of cells"][..]),
         (&["--flow", "v", "--flow-color", "c"], &["'c'", "of cells", "vectors of vertices", "field of vertices"]),
+        (&["--flow", "u", "--flow-volume", "splats"], &["vectors and scalars", "both of cells", "'exact'"]),
+        (&["--field", "c", "--flow", "v", "--flow-volume", "splats"], &["vectors and scalars", "both of vertices"]),
     ] {
-        let words = ["render", "t.zarr", "--field", "T", "-o", "x.png", "--steps", "1", "--size", "8x8"];
-        place.refuses(&[&words[..], options].concat(), parts);
+        let field = if options[0] == "--field" { &[][..] } else { &["--field", "T"] };
+        let words = ["render", "t.zarr", "-o", "x.png", "--steps", "1", "--size", "8x8"];
+        place.refuses(&[&words[..], field, options].concat(), parts);
+        assert!(!place.path("x.png").exists());
     }
+    // Where both are of cells, each shows its own.
+    let [splats, exact] = ["splats", "exact"].map(|volume| {
+        let words = ["render", "t.zarr", "--field", "c", "--flow", "u", "--flow-volume", volume, "-o", "f.exr"];
+        place.ok(&[&words[..], &["--steps", "1", "--size", "48x36", "--exr", "raw"]].concat());
+        read_exr(&place.path("f.exr")).unwrap().planes
+    });
+    assert!(apart(&splats, &exact) > 1e-3);
 }
 
 #[test]
