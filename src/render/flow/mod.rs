@@ -126,15 +126,19 @@ impl FlowStyle {
     /// Splats up to which each can be told from the others.
     pub const FEW: u32 = 1000;
 
-    /// Splats of which each can be seen in the volume of a mesh: at most [`Self::FEW`], which together fill as much of it as one a vertex. They
-    /// are wider, and their pattern is longer, by the cube root of how much fewer they are.
-    pub fn few_on(mesh: &Mesh) -> Self {
+    /// Splats of which each can be seen in the volume of a mesh: at most [`Self::FEW`], which together fill as much of it as one for each vertex or
+    /// cell that has a vector. They are wider, and their pattern is longer, by the cube root of how much fewer they are.
+    pub fn few_on(mesh: &Mesh, sites: Association) -> Self {
         let usual = Self::default();
-        let wider = (mesh.positions.local.len() as f64 / f64::from(Self::FEW)).cbrt();
+        let count = match sites {
+            Association::Point => mesh.positions.local.len(),
+            Association::Cell => mesh.topology.tets.len(),
+        };
+        let wider = (count as f64 / f64::from(Self::FEW)).cbrt();
         if wider <= 1.0 {
             return usual;
         }
-        let length = wider * usual_period(mesh, Association::Point) * mesh.positions.scale;
+        let length = wider * usual_period(mesh, sites) * mesh.positions.scale;
         Self { splats: Some(Self::FEW), size: wider * usual.size, length: Some(length), ..usual }
     }
 

@@ -351,16 +351,19 @@ fn a_held_moment_flows_on_by_its_speeds_and_what_is_too_fast_is_blurred() {
 }
 
 #[test]
-fn few_splats_fill_as_much_as_one_a_vertex() {
-    assert_eq!(FlowStyle::few_on(&mesh(3)), FlowStyle::default());
-    let mesh = mesh(12);
-    let few = FlowStyle::few_on(&mesh);
-    assert!(few.check().is_ok() && few.splats == Some(1000) && few.size > 0.5, "{few:?}");
-    // Volumes are as cubes of sizes; a few roundings each.
-    let [usual, wider] = [FlowStyle::default().size, few.size].map(|size| size.powi(3));
-    assert!((1000.0 * wider / (mesh.positions.local.len() as f64 * usual) - 1.0).abs() < 1e-12);
-    let period = usual_period(&mesh, Association::Point) * mesh.positions.scale;
-    assert!((few.length.unwrap() / period - few.size / FlowStyle::default().size).abs() < 1e-12);
+fn few_splats_fill_as_much_as_one_for_each_vector() {
+    for sites in [Association::Point, Association::Cell] {
+        assert_eq!(FlowStyle::few_on(&mesh(3), sites), FlowStyle::default());
+        let mesh = mesh(12);
+        let few = FlowStyle::few_on(&mesh, sites);
+        assert!(few.check().is_ok() && few.splats == Some(1000) && few.size > 0.5, "{few:?}");
+        let count = Shapes::of(&mesh, sites).of_sites.len();
+        // Volumes are as cubes of sizes; a few roundings each.
+        let [usual, wider] = [FlowStyle::default().size, few.size].map(|size| size.powi(3));
+        assert!((1000.0 * wider / (count as f64 * usual) - 1.0).abs() < 1e-12);
+        let period = usual_period(&mesh, sites) * mesh.positions.scale;
+        assert!((few.length.unwrap() / period - few.size / FlowStyle::default().size).abs() < 1e-12);
+    }
 }
 
 #[test]

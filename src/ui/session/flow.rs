@@ -1,6 +1,7 @@
 //! Flow in a session: switched on and off, coloured, and going on while a step is held.
 
 use super::{Session, Shown};
+use crate::field::Association;
 use crate::look::{BesideError, ColorBar, FlowLook, colors_beside};
 use crate::pipeline::{ColorsBeside, FlowLayer, FlowMeasure, FrameRequest, FrameTime, Layer, vector_fields};
 use crate::playback::State;
@@ -173,6 +174,13 @@ impl Session {
         }
     }
 
+    /// A style in which each splat of the vectors of a field can be seen.
+    pub fn few_splats(&self, field: &str) -> FlowStyle {
+        let component = format!("{field}:0");
+        let found = self.store.fields().iter().find(|of| of.name == component);
+        FlowStyle::few_on(self.series().mesh(), found.map_or(Association::Point, |of| of.values_of))
+    }
+
     /// Shows flow, that which was shown before or the first one that the series has; or no flow.
     pub(super) fn toggle_flow(&mut self) {
         if self.look.flow.is_some() {
@@ -180,8 +188,7 @@ impl Session {
         }
         let fields = vector_fields(self.store.fields());
         let before = self.flow_before.take().filter(|flow| fields.contains(&flow.layer.field.as_str()));
-        let first =
-            || fields.first().map(|field| FlowLook::new((*field).to_owned(), FlowStyle::few_on(self.series().mesh())));
+        let first = || fields.first().map(|field| FlowLook::new((*field).to_owned(), self.few_splats(field)));
         match before.or_else(first) {
             Some(flow) => self.set_flow(Some(flow)),
             None => self

@@ -5,7 +5,7 @@ use super::widgets::{choice, chosen, labelled, number};
 use crate::field::Association;
 use crate::look::FlowLook;
 use crate::pipeline::{FlowLayer, vector_fields};
-use crate::render::flow::{FlowStyle, FlowVolume, Icon};
+use crate::render::flow::{FlowVolume, Icon};
 use crate::render::surfaces::ByField;
 use crate::ui::tracks::{KeyValue, Track};
 use crate::ui::{Action, Session};
@@ -33,8 +33,9 @@ pub(super) fn show(ui: &mut Ui, session: &Session, actions: &mut Vec<Action>) {
     options.extend(fields.iter().map(|&field| (Some(field), field)));
     let shown = flow.map(|flow| flow.layer.field.as_str());
     if let Some(field) = chosen(ui, "Flow (F)", shown, &options) {
-        let style = flow.map_or_else(|| FlowStyle::few_on(session.series().mesh()), |flow| flow.layer.style);
-        actions.push(Action::Flow(field.map(|field| Box::new(FlowLook::new(field.to_owned(), style)))));
+        let style = |field: &str| flow.map_or_else(|| session.few_splats(field), |flow| flow.layer.style);
+        let look = |field: &str| Box::new(FlowLook::new(field.to_owned(), style(field)));
+        actions.push(Action::Flow(field.map(look)));
     }
     let Some(before) = flow else { return };
     let mut flow = before.clone();
