@@ -43,8 +43,8 @@ pub struct StoredTravel {
     /// Values of a row in the store.
     count: usize,
     parts: Option<Arc<SourceCells>>,
-    /// A checksum of what each row is the sum of, for each row that the series has.
-    sums_of: Vec<u32>,
+    /// For each step a checksum of what the way until there is the sum of.
+    until_step: Vec<u32>,
 }
 
 impl StoredTravel {
@@ -68,14 +68,24 @@ impl StoredTravel {
             values_of: fields[0].values_of,
             count: series.count,
             parts: series.parts.clone(),
-            sums_of: sums_of(fields, times.values.get(..series.steps)?)?,
+            until_step: until_steps(fields, times.values.get(..series.steps)?)?,
         })
     }
 
     /// Whether the first rows are sums of the same as those of another series, which may have other steps after these.
     pub fn agrees_with(&self, other: &Self, rows: usize) -> bool {
-        let first = |of: &Self| of.sums_of.get(..rows).map(<[u32]>::to_vec);
-        first(self).is_some_and(|rows| first(other) == Some(rows))
+        let first = |of: &Self| of.sums_of().take(rows).collect::<Vec<u32>>();
+        first(self).len() == rows && first(self) == first(other)
+    }
+
+    /// A checksum of all that the way until a step is the sum of: times, vectors and their coding; `None` if there is no such step.
+    pub fn depends_on(&self, step: usize) -> Option<u32> {
+        self.until_step.get(step).copied()
+    }
+
+    /// A checksum of what each row is the sum of, for each row that the series has.
+    fn sums_of(&self) -> impl Iterator<Item = u32> {
+        self.until_step.iter().copied().step_by(Self::STEPS).skip(1)
     }
 
     /// Number of rows that the store has, from the first one on.
@@ -114,12 +124,12 @@ impl StoredTravel {
         layout::write_group(&self.root, FLOW, &Map::new())?;
         layout::write_group(&self.root, &self.group, &Map::new())?;
         let mut to = FolderSink::new(self.root.join(&self.group));
-        for ((row, sum_of), ways) in (first..).zip(self.sums_of.iter().skip(first)).zip(rows) {
+        for ((row, sum_of), ways) in (first..).zip(self.sums_of().skip(first)).zip(rows) {
             let compact: Option<Vec<f32>> =
                 self.parts.as_ref().map(|parts| parts.firsts().map(|cell| ways[cell as usize]).collect());
             let bytes = to_bytes(compact.as_deref().unwrap_or(ways));
             to.put(&chunk_key(TRAVEL, row as u64, 2), &bytes)?;
-            let new = [*sum_of, crc32c::crc32c(&bytes)];
+            let new = [sum_of, crc32c::crc32c(&bytes)];
             match known.get_mut(row) {
                 Some(known) => *known = new,
                 None => known.push(new),
@@ -152,21 +162,21 @@ impl StoredTravel {
             array.attributes.get(ROWS).and_then(|rows| serde_json::from_value(rows.clone()).ok());
         let is_current = array.attributes.get(DERIVED_ATTRIBUTE).and_then(Value::as_u64) == Some(TRAVEL_VERSION);
         let rows = rows.filter(|rows| is_current && array.shape == [rows.len() as u64, self.count as u64]);
-        let own = rows.unwrap_or_default().into_iter().zip(&self.sums_of);
-        own.take_while(|([of, _], sum_of)| of == *sum_of).map(|(row, _)| row).collect()
+        let own = rows.unwrap_or_default().into_iter().zip(self.sums_of());
+        own.take_while(|([of, _], sum_of)| of == sum_of).map(|(row, _)| row).collect()
     }
 }
 
-/// For each row a checksum of all that it is the sum of; `None` if the store does not know its values. The steps of a last short block are
-/// coded anew when others are added: with them the number of steps counts.
-fn sums_of(fields: [&StoredField; 3], times: &[f64]) -> Option<Vec<u32>> {
+/// For each step a checksum of all that the way until there is the sum of; `None` if the store does not know its values. The steps of a last
+/// short block are coded anew when others are added: with them the number of steps counts.
+fn until_steps(fields: [&StoredField; 3], times: &[f64]) -> Option<Vec<u32>> {
     let mut sum_of = 0;
     let mut add = |bytes: &[u8]| {
         sum_of = crc32c::crc32c_append(sum_of, bytes);
         sum_of
     };
     fields.iter().for_each(|of| _ = add(format!("{}{}", of.codec, of.codec_parameters).as_bytes()));
-    let mut rows = Vec::new();
+    let mut all = Vec::with_capacity(times.len());
     for (step, time) in times.iter().enumerate() {
         let mut found = add(&time.to_bits().to_le_bytes());
         for field in fields {
@@ -175,9 +185,7 @@ fn sums_of(fields: [&StoredField; 3], times: &[f64]) -> Option<Vec<u32>> {
             add(&values.to_le_bytes());
             found = add(&coded_with.to_le_bytes());
         }
-        if step > 0 && step.is_multiple_of(StoredTravel::STEPS) {
-            rows.push(found);
-        }
+        all.push(found);
     }
-    Some(rows)
+    Some(all)
 }

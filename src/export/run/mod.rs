@@ -220,7 +220,10 @@ impl Run {
                 scene.guides = StillFormat::of(&pattern.path(0)) == Some(StillFormat::Exr);
                 // The file stores units, drawn or not.
                 let written_as = format!("{options:?} {:?} {:?}", self.annotator, scene.pipeline.field().units);
+                let flow = scene.look.flow.as_ref();
+                let travel = flow.and_then(|flow| flow.layer.travel(scene.pipeline.series()));
                 let fingerprints = Fingerprints::new(scene.pipeline.mesh(), &self.plan, &checksums, &written_as);
+                let fingerprints = Fingerprints { travel, ..fingerprints };
                 (Sink::Images(FrameWriter::new(*options, self.written.clone())), Some(fingerprints))
             }
         };

@@ -2,14 +2,15 @@
 //!
 //! Every image has the fingerprint of its inputs: [`VERSION`], and a SHA-256 over the version of tetreel, the text of the request without
 //! its [hints](FrameRequest::without_hints), the file's metadata (time, field, units), checksums of the mesh, of the steps shown and of
-//! further fields, and how it is written. A file with the same fingerprint that can be read to its end is the frame that would be rendered.
+//! further fields, of all steps until there that flow has travelled through, and how it is written. A file with the same fingerprint that can be read to its end is the frame that would be rendered.
 
 use super::RunError;
 use super::plan::{Plan, PlannedFrame};
 use crate::export::still::{FrameAttributes, read_fingerprint};
 use crate::mesh::Mesh;
 use crate::node_table::JointTable;
-use crate::pipeline::{FrameRequest, Series};
+use crate::pipeline::{FlowLayer, FrameRequest, Series};
+use crate::store::StoredTravel;
 use crate::task::Cancel;
 use sha2::{Digest, Sha256};
 use std::cell::RefCell;
@@ -23,6 +24,8 @@ pub(super) struct Fingerprints {
     joint: RefCell<Option<(Arc<JointTable>, u32)>>,
     /// Steps, ascending, and the checksums of their scalars.
     steps: Vec<(usize, u32)>,
+    /// The ways of the flow, which depend on all steps before.
+    pub(super) travel: Option<StoredTravel>,
 }
 
 impl Fingerprints {
@@ -41,6 +44,7 @@ impl Fingerprints {
             common,
             joint: RefCell::default(),
             steps: plan.steps.iter().copied().zip(checksums.iter().copied()).collect(),
+            travel: None,
         }
     }
 
@@ -65,6 +69,11 @@ impl Fingerprints {
                 let cov = series.coefficients_of_variation(cancel)?.ok_or(RunError::Cancelled)?;
                 hash.update(crc32c::crc32c(bytemuck::cast_slice(&cov)).to_le_bytes());
             }
+        }
+        let is_flow_seen = request.layers.iter().any(|layer| layer.flow().is_some_and(FlowLayer::is_seen));
+        let last = frame.time.toward().map_or(0, |(next, _)| next).max(frame.time.step());
+        if let Some(travel) = self.travel.as_ref().filter(|_| is_flow_seen) {
+            hash.update(travel.depends_on(last).unwrap_or(0).to_le_bytes());
         }
         for step in [Some(frame.time.step()), frame.time.toward().map(|(next, _)| next)].into_iter().flatten() {
             let at = self.steps.binary_search_by_key(&step, |(step, _)| *step);

@@ -192,7 +192,7 @@ fn is_still([x, y, z]: &[Arc<Vec<f32>>; 3]) -> bool {
 }
 
 /// The ways of vectors that their store has; `None` if they are of no store that keeps any.
-fn stored_travel(components: &[Arc<Series>; 3]) -> Option<StoredTravel> {
+pub(super) fn stored_travel(components: &[Arc<Series>; 3]) -> Option<StoredTravel> {
     let [x, y, z] = components.each_ref().map(|of| of.source.reader());
     StoredTravel::of([x?, y?, z?], &components[0].times)
 }

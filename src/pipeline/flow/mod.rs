@@ -12,7 +12,7 @@ use super::series::Series;
 use super::{ColorsBeside, PipelineError, RequestError};
 use crate::field::{Association, Component, FieldSelector};
 use crate::render::flow::{self, FlowIcons, FlowStyle, FlowVolume, Pattern, Thresholds};
-use crate::store::StoredField;
+use crate::store::{StoredField, StoredTravel};
 use crate::task::Cancel;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -126,6 +126,11 @@ impl FlowLayer {
             [0.9, 1.0].map(|share| speeds.value_at(share).map_or(0.0, f64::from)).into_iter().find(|&v| v > 0.0);
         let period = flow::usual_period(&series.mesh, components[0].values_of()) * series.mesh.positions.scale;
         Ok(Some(FlowMeasure { speed: speed.unwrap_or(0.0), period }))
+    }
+
+    /// The ways of its vectors that the store of a series has; `None` if that has no such vectors, or keeps none.
+    pub(crate) fn travel(&self, series: &Series) -> Option<StoredTravel> {
+        decode::stored_travel(&vector_components(series, &self.field).ok()?)
     }
 
     /// Why a series cannot show it.

@@ -60,3 +60,30 @@ fn images_of_steps_are_sharp_and_a_step_that_several_frames_show_is_drawn_once()
     frames(&place, "played", &sparse);
     assert!(origins(&place)[0] == "rendered" && fast(&place)[0] > count);
 }
+
+#[test]
+fn a_run_that_is_continued_draws_again_what_has_travelled_through_other_vectors() {
+    let place = Place::empty();
+    place.ok(&["synth", "tornado", "--cells", "600", "--steps", "12", "-o", "run", "--quiet"]);
+    // From a step on, or until one, the vectors are others.
+    let import = |of: &str| {
+        let define = format!("w = velocity * (1 + max(0, {of}))");
+        place.ok(&["import", "run/run.pvd", "-o", "t.zarr", "--overwrite", "--define", &define, "--quiet"]);
+    };
+    let origins = || -> Vec<bool> {
+        let words = ["render", "t.zarr", "-o", "f_%02d.png", "--field", "pressure", "--size", "16x12", "--flow", "w"];
+        place.ok(&[&words[..], &["--stats", "s.json", "--resume", "--quiet"]].concat());
+        stats(&place).iter().map(|frame| frame["origin"] == "kept").collect()
+    };
+    import("0");
+    assert_eq!(origins(), [false; 12]);
+    let times: Vec<f64> = stats(&place).iter().map(|frame| frame["time"].as_f64().unwrap()).collect();
+    import("0");
+    assert_eq!(origins(), [true; 12]);
+    import(&format!("time - {}", times[8]));
+    let until_there: Vec<bool> = (0..12).map(|step| step <= 8).collect();
+    assert_eq!(origins(), until_there);
+    import(&format!("{} - time", times[2]));
+    assert_eq!(origins(), [false; 12], "where the vectors are as before, the way is another");
+    assert_eq!(origins(), [true; 12]);
+}
