@@ -240,6 +240,9 @@ fn render(args: &Args, project: Option<&Arc<Project>>, terminal: &Terminal) -> a
     let trace = args.trace.as_deref().map(Trace::begin).transpose()?;
     let store = source::open(&args.store, terminal)?;
     options.times.steps = steps::within_series(options.times.steps, store.times().len(), terminal);
+    if let Ok(selected) = options.times.steps.select(store.times().len()) {
+        args.time.check_held(selected.len())?;
+    }
     let plan = options.plan(store.times())?;
     for (option, path) in args.side_files() {
         if (0..plan.frames.len()).any(|frame| same_place(path, &output.path(frame))) {

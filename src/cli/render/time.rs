@@ -21,7 +21,7 @@ pub(super) struct TimeArgs {
     /// Each shows the last step that its time has reached
     #[arg(long, value_name = "S", value_parser = parse_duration, allow_hyphen_values = true)]
     duration: Option<f64>,
-    /// Hold the step of --steps for S seconds while its flow goes on (--flow-rate), as --duration does
+    /// Hold the step of --steps, or the only one, for S seconds while its flow goes on (--flow-rate), as --duration does
     #[arg(long, value_name = "S", value_parser = parse_duration, allow_hyphen_values = true)]
     #[arg(conflicts_with_all = ["duration", "times"])]
     flow_hold: Option<f64>,
@@ -35,12 +35,17 @@ pub(super) struct TimeArgs {
 }
 
 impl TimeArgs {
-    /// Refuses to hold several steps, or one without flow.
+    /// Refuses to hold several steps, or one without flow, whatever the series.
     pub(super) fn check(&self, has_flow: bool) -> anyhow::Result<()> {
         if self.flow_hold.is_some() && !has_flow {
             bail!("--flow-hold is about flow; name a field of vectors by --flow FIELD, or choose --duration");
         }
-        if self.flow_hold.is_some() && self.steps.last != Some(self.steps.first) {
+        self.check_held(self.steps.last.map_or(1, |last| last.saturating_sub(self.steps.first).saturating_add(1)))
+    }
+
+    /// Refuses to hold so many steps.
+    pub(super) fn check_held(&self, count: usize) -> anyhow::Result<()> {
+        if self.flow_hold.is_some() && count > 1 {
             bail!("--flow-hold holds one step; choose it with --steps N");
         }
         Ok(())

@@ -62,6 +62,15 @@ fn images_of_steps_are_sharp_and_a_step_that_several_frames_show_is_drawn_once()
 }
 
 #[test]
+fn the_only_step_of_a_series_is_held_without_being_named() {
+    let place = Place::empty();
+    place.ok(&["synth", "tornado", "--cells", "600", "--steps", "1", "-o", "t.zarr", "--quiet"]);
+    let held = ["--flow-hold", "0.3", "--fps", "10"];
+    let frames = [&[][..], &["--steps", "0"]].map(|options| frames(&place, "held", &[&held[..], options].concat()));
+    assert!(frames[0].len() == 3 && frames[0] == frames[1] && frames[0][0] != frames[0][1]);
+}
+
+#[test]
 fn a_run_that_is_continued_draws_again_what_has_travelled_through_other_vectors() {
     let place = Place::empty();
     place.ok(&["synth", "tornado", "--cells", "600", "--steps", "12", "-o", "run", "--quiet"]);
