@@ -1,6 +1,6 @@
 //! Flow in a session: switched on and off, coloured, and going on while a step is held.
 
-use super::{Session, Shown};
+use super::Session;
 use crate::field::Association;
 use crate::look::{BesideError, ColorBar, FlowLook, colors_beside};
 use crate::pipeline::{ColorsBeside, FlowLayer, FlowMeasure, FrameRequest, FrameTime, Layer, vector_fields};
@@ -71,12 +71,11 @@ impl Session {
         }
     }
 
-    /// Opens the shutter for further frames, or closes it: the frame on the screen is then drawn as it is at rest.
+    /// Opens the shutter for further frames, or closes it: the frame on the screen, or on its way there, is then drawn as it is at rest.
     pub(super) fn open_shutter(&mut self, state: &State) {
         let before = std::mem::replace(&mut self.requests.shutter, self.shutter(state));
-        let is_blurred = |shown: &Shown| shown.request.layers.iter().filter_map(Layer::flow).any(|of| of.shutter > 0.0);
-        let is_closed = self.requests.shutter == Shutter::Closed;
-        if is_closed && before != Shutter::Closed && self.shown.as_ref().is_some_and(is_blurred) {
+        let closes = before != Shutter::Closed && self.requests.shutter == Shutter::Closed;
+        if closes && self.look.flow.is_some() {
             self.ask_again();
         }
     }
