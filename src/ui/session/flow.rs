@@ -73,8 +73,9 @@ impl Session {
 
     /// Opens the shutter for further frames, or closes it: the frame on the screen, or on its way there, is then drawn as it is at rest.
     pub(super) fn open_shutter(&mut self, state: &State) {
-        let before = std::mem::replace(&mut self.requests.shutter, self.shutter(state));
-        let closes = before != Shutter::Closed && self.requests.shutter == Shutter::Closed;
+        let shutter = self.shutter(state);
+        let before = std::mem::replace(&mut self.requests.shutter, shutter);
+        let closes = before != Shutter::Closed && shutter == Shutter::Closed;
         if closes && self.look.flow.is_some() {
             self.ask_again();
         }
