@@ -2,7 +2,8 @@
 //!
 //! Every image has the fingerprint of its inputs: [`VERSION`], and a SHA-256 over the version of tetreel, the text of the request without
 //! its [hints](FrameRequest::without_hints), the file's metadata (time, field, units), checksums of the mesh, of the steps shown and of
-//! further fields, of all steps until there that flow has travelled through, and how it is written. A file with the same fingerprint that can be read to its end is the frame that would be rendered.
+//! further fields, of the vectors of all steps until there if flow has travelled through them, and how it is written. A file with the same
+//! fingerprint that can be read to its end is the frame that would be rendered.
 
 use super::RunError;
 use super::plan::{Plan, PlannedFrame};
