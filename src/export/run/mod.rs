@@ -222,8 +222,8 @@ impl Run {
                 let written_as = format!("{options:?} {:?} {:?}", self.annotator, scene.pipeline.field().units);
                 let flow = scene.look.flow.as_ref();
                 let travel = flow.and_then(|flow| flow.layer.travel(scene.pipeline.series()));
-                let fingerprints = Fingerprints::new(scene.pipeline.mesh(), &self.plan, &checksums, &written_as);
-                let fingerprints = Fingerprints { travel, ..fingerprints };
+                let mut fingerprints = Fingerprints::new(scene.pipeline.mesh(), &self.plan, &checksums, &written_as);
+                fingerprints.travel = travel;
                 (Sink::Images(FrameWriter::new(*options, self.written.clone())), Some(fingerprints))
             }
         };
