@@ -485,6 +485,8 @@ impl Order {
                 Some(shells) => Arc::new(shells.with(&drawn)),
                 None => drawn,
             });
+        } else {
+            self.flow.release();
         }
         job.stats.ms_order = started.elapsed().as_secs_f64() * 1e3;
         let on_image = OnImage::of(request, &job, shading, by);

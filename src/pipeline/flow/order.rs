@@ -36,6 +36,9 @@ pub(in crate::pipeline) struct OrderFlow {
 /// Frames whose fragments may be needed at once: one is rendered while the next one is ordered.
 const FRAMES: usize = 2;
 
+/// Most fragments whose memory is used again: 200 MB.
+const MOST_KEPT: usize = 1 << 23;
+
 impl OrderFlow {
     /// The fragments of a view, by the judge if the frame is the judge's. Splats are in the cells that are shown, or at their vertices; where
     /// they are the volume they show these scalars by this table.
@@ -95,8 +98,15 @@ impl OrderFlow {
         (stats.flow_fragments, stats.flow_outside) = (fragments.count() as u64, counts.outside);
         stats.ms_flow = started.elapsed().as_secs_f64() * 1e3;
         let fragments = Arc::new(fragments);
-        self.drawn.push(fragments.clone());
+        if fragments.count() <= MOST_KEPT {
+            self.drawn.push(fragments.clone());
+        }
         Ok(fragments)
+    }
+
+    /// Frees the fragments of frames that have been rendered: the layer is shown no more.
+    pub(in crate::pipeline) fn release(&mut self) {
+        self.drawn.clear();
     }
 
     /// Fragments of a frame that has been rendered.
