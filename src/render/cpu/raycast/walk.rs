@@ -109,7 +109,12 @@ fn walk_with<M: Medium<Light = Accumulator>, L: Layers>(
     starts: &[PixelStart],
     (scratch, pixels, stats): (&mut LaneScratch, &mut [TilePixel], &mut FrameStats),
 ) {
-    match if portable || M::HAS_VALUES { Arch::Scalar } else { Arch::new() } {
+    // A branch of its own, so that vectors are not compiled for such a medium.
+    if M::HAS_VALUES {
+        walk_one_by_one(scene, layers, rect, starts, pixels, stats);
+        return;
+    }
+    match if portable { Arch::Scalar } else { Arch::new() } {
         #[cfg(target_arch = "x86_64")]
         Arch::V4(lanes) => {
             lanes.vectorize(WalkRays { lanes, scene, layers, rect, starts, scratch, pixels, stats });
