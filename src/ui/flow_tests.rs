@@ -90,19 +90,20 @@ fn frames_that_are_played_are_open_for_the_nominal_time_of_a_frame_and_the_last_
     desk.settle();
     // The end of what is played: it stands still.
     assert_eq!((desk.step(), desk.session.state().playing, shutter(&desk)), (2, false, 0.0));
-    for command in [Command::Stride(1), Command::Mode(Mode::RealTime), Command::Interpolate(true), Command::Speed(0.5)]
-    {
+    let speed = 20.0;
+    let real_time = [Command::Mode(Mode::RealTime), Command::Interpolate(true), Command::Speed(speed)];
+    for command in [Command::Stride(1)].into_iter().chain(real_time) {
         desk.act(Action::Play(command));
     }
     desk.act(Action::Play(Command::SeekStep(0)));
     desk.settle();
     assert_eq!(shutter(&desk), 0.0);
     desk.act(Action::Play(Command::Play));
-    // At the latest of a frame in real time.
-    desk.later((0.3 * (times.values[1] - times.values[0]) / 0.5 * 1e3) as u64);
+    // Within the first interval.
+    desk.later((0.3 * (times.values[1] - times.values[0]) / speed * 1e3) as u64);
     desk.settle();
     assert!(desk.session.state().playing && desk.shown().request.time.toward().is_some());
-    assert_eq!(shutter(&desk), 0.5 / 25.0);
+    assert_eq!(shutter(&desk), speed / 25.0);
     // Frames that are compared with another view's are as at rest.
     desk.session.share(2, true);
     desk.settle();
