@@ -35,8 +35,9 @@ impl ListedFragments {
     pub(in crate::render) fn retain(&mut self, is_kept: impl Fn(usize, f64) -> bool) -> u64 {
         let mut left_out = 0;
         for (pixel, [begin, end]) in self.spans.iter_mut().enumerate() {
-            let mut kept = *begin as usize;
-            for i in kept..*end as usize {
+            let all = *begin as usize..*end as usize;
+            let mut kept = all.start;
+            for i in all {
                 if is_kept(pixel, self.fragments[i].depth) {
                     self.fragments[kept] = self.fragments[i];
                     kept += 1;
