@@ -1,10 +1,9 @@
-//! Checks whether the arrays of a mesh are consistent: ranges and faces for arrays read from files, everything for tests.
+//! Checks whether the arrays of a mesh are consistent: ranges for arrays read from files, everything for tests.
 
 use super::faces::{ascending_face, winding_is_even};
 use super::repair::{check_counts, check_indices};
 use super::topology::{check_length, check_orientation};
 use super::{CellNeighbour, Connectivity, Mesh, MeshError, NONE, Topology};
-use rayon::prelude::*;
 
 impl Connectivity {
     /// Checks the lengths and index ranges of all arrays.
@@ -57,19 +56,11 @@ impl Topology {
                     .map_err(|problem| MeshError::bad_entry("neighbours", cell as usize, problem))?;
             }
         }
-        self.check_faces()
-    }
-
-    /// Checks that faces are sorted, and that each lies between its cells, which are neighbours of each other there. With the number of faces
-    /// these are all faces of all cells: what remains is that both cells lie on different sides.
-    pub(super) fn check_faces(&self) -> Result<(), MeshError> {
-        let Connectivity { faces, face_cells, .. } = self.connectivity();
-        let keys = || faces.iter().zip(face_cells);
+        let keys = || connectivity.faces.iter().zip(&connectivity.face_cells);
         if let Some(face) = keys().zip(keys().skip(1)).position(|(a, b)| a >= b) {
             return Err(MeshError::bad_entry("faces", face + 1, "not in ascending order"));
         }
-        let is_wrong = |(face, cells): (&[u32; 3], &[u32; 2])| !self.is_between(*face, *cells);
-        match faces.par_iter().zip(face_cells).position_first(is_wrong) {
+        match keys().position(|(face, cells)| !self.is_between(*face, *cells)) {
             None => Ok(()),
             Some(face) => Err(MeshError::bad_entry("face_cells", face, "not the cells on both sides of the face")),
         }
@@ -92,19 +83,13 @@ impl Topology {
         Ok(())
     }
 
-    /// Whether this face is one of both cells, and each is the other's neighbour across it; of the first alone if there is no second.
+    /// Whether, according to the neighbours, this face lies between these two cells.
     fn is_between(&self, face: [u32; 3], [first, second]: [u32; 2]) -> bool {
-        let side_of = |cell: u32| {
-            let tet = self.tets[cell as usize];
-            (0..4).find(|&local| ascending_face(tet, local) == face).map(|local| CellNeighbour::new(cell, local))
-        };
-        let across =
-            |cell: u32, side: CellNeighbour| self.connectivity().neighbours[cell as usize][side.opposite() as usize];
-        let Some(side) = side_of(first) else { return false };
-        if second == NONE {
-            return across(first, side) == CellNeighbour::NONE;
-        }
-        side_of(second).is_some_and(|other| across(first, side) == other && across(second, other) == side)
+        let tet = self.tets[first as usize];
+        let local = (0..4).find(|&local| ascending_face(tet, local) == face);
+        local.is_some_and(|local| {
+            self.connectivity().neighbours[first as usize][local as usize].cell() == (second != NONE).then_some(second)
+        })
     }
 }
 

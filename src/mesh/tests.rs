@@ -436,14 +436,14 @@ fn stored(topology: &Topology, spoil: impl Fn(&mut Topology)) -> Result<Topology
 }
 
 #[test]
-fn stored_arrays_that_lead_out_of_bounds_or_contradict_each_other_are_refused() {
+fn stored_arrays_that_lead_out_of_bounds_are_refused() {
     let topology = build(&kuhn_grid([1, 1, 1])).0.topology;
     assert_eq!(stored(&topology, |_| ()).as_ref(), Ok(&topology));
     type Spoil = fn(&mut Topology);
     fn known(topology: &mut Topology) -> &mut Connectivity {
         topology.connectivity.get_mut().unwrap()
     }
-    let spoilers: [(&str, Spoil); 15] = [
+    let spoilers: [(&str, Spoil); 11] = [
         ("cell 2 names point 8", |t| t.tets[2][1] = 8),
         ("names point 7, but there are 7", |t| t.vertex_count = 7),
         ("neighbours has 5 entries instead of 6", |t| known(t).neighbours.truncate(5)),
@@ -457,24 +457,6 @@ fn stored_arrays_that_lead_out_of_bounds_or_contradict_each_other_are_refused() 
         ("faces of all cells has", |t| {
             known(t).faces.truncate(17);
             known(t).face_cells.truncate(17);
-        }),
-        ("faces, entry 1: not in ascending", |t| {
-            known(t).faces.swap(0, 1);
-            known(t).face_cells.swap(0, 1);
-        }),
-        ("not the cells on both sides", |t| {
-            let cells = &mut known(t).face_cells;
-            let outer: Vec<usize> = (0..18).filter(|&face| cells[face][1] == NONE).collect();
-            let other = outer.iter().find(|&&face| cells[face] != cells[outer[0]]).unwrap();
-            cells.swap(outer[0], *other);
-        }),
-        ("not the cells on both sides", |t| {
-            let inner = known(t).face_cells.iter_mut().find(|cells| cells[1] < 5).unwrap();
-            inner[1] += 1;
-        }),
-        ("not the cells on both sides", |t| {
-            let side = known(t).neighbours[5].iter_mut().find(|side| **side != CellNeighbour::NONE).unwrap();
-            side.0 ^= 1;
         }),
     ];
     for (expected, spoil) in spoilers {

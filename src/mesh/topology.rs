@@ -50,15 +50,14 @@ impl Topology {
         Ok(Self::of_cells(vertex_count, tets))
     }
 
-    /// A topology from stored arrays. All lengths and ranges are checked, so that no index is out of bounds, and that faces, their cells and
-    /// neighbours agree; [`Topology::check`] also checks the orientation of the cells.
+    /// A topology from stored arrays. All lengths and ranges are checked, so that no index is out of bounds; [`Topology::check`] checks
+    /// that the arrays agree with each other.
     ///
     /// # Errors
-    /// If lengths do not match, an index is out of range, or the arrays contradict each other.
+    /// If lengths do not match or an index is out of range.
     pub fn from_parts(vertex_count: u32, tets: Vec<[u32; 4]>, connectivity: Connectivity) -> Result<Self, MeshError> {
         let topology = Self { connectivity: connectivity.into(), ..Self::of_cells(vertex_count, tets) };
         topology.check_ranges()?;
-        topology.check_faces()?;
         Ok(topology)
     }
 
