@@ -36,7 +36,7 @@ fn desk() -> Desk {
 }
 
 #[test]
-fn a_held_step_flows_on_and_one_that_was_sought_does_not_at_first() {
+fn a_held_step_flows_on_and_a_played_one_is_blurred_until_the_next() {
     let mut desk = desk();
     let (usual, pixels) = (desk.session.flow_rate().unwrap(), desk.shown().frame.planes.color.clone());
     assert!(usual > 0.0);
@@ -62,6 +62,16 @@ fn a_held_step_flows_on_and_one_that_was_sought_does_not_at_first() {
         desk.settle();
         assert_eq!(flow(&desk).map(|flow| (flow.held, flow.shutter)), Some((0.0, 0.0)), "{command:?}");
     }
+    // Of a frame that is played, the pattern is averaged until the next step.
+    let times = desk.session.series().times().values.clone();
+    desk.act(Action::Play(Command::Play));
+    desk.later(40);
+    desk.settle();
+    assert_eq!((desk.step(), desk.session.state().playing), (2, true));
+    assert_eq!(flow(&desk).map(|flow| (flow.held, flow.shutter)), Some((0.0, times[3] - times[2])));
+    desk.act(Action::Play(Command::Pause));
+    desk.settle();
+    assert_eq!((desk.step(), flow(&desk).unwrap().shutter), (2, 0.0), "at rest it is sharp");
     // At a rate of zero a held step stands still.
     let still = FlowLook { rate: Some(0.0), ..desk.session.look().flow.clone().unwrap() };
     desk.act(Action::Flow(Some(Box::new(still))));
