@@ -16,7 +16,7 @@ use crate::mesh::NONE;
 use pulp::NullaryFnOnce;
 
 /// What rows have besides if their segments were cut.
-#[derive(Clone, Debug, Default)]
+#[derive(Default)]
 pub(in crate::render::cpu) struct Cuts {
     /// Bits of the lanes with a fragment at the end of their segment.
     pub(super) fragments: [u8; ROWS],
