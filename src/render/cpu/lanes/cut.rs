@@ -58,6 +58,8 @@ pub(in crate::render::cpu) struct CutLights<'a, L, K, A, F> {
     rows: &'a mut Rows,
     fragments_of: F,
     ahead: [A; LANES],
+    /// Depths of their next fragments, infinite without one.
+    next: Eight,
     /// Bits of the lanes in whose rows a ray ends, so that the light is not yet that of the lane's ray.
     others: u8,
 }
@@ -65,7 +67,8 @@ pub(in crate::render::cpu) struct CutLights<'a, L, K, A, F> {
 impl<'a, L: Lanes, K: Lights, A: Ahead, F: Fn(usize) -> A> CutLights<'a, L, K, A, F> {
     pub(in crate::render::cpu) fn new(lanes: L, lights: K, rows: &'a mut Rows, fragments_of: F) -> Self {
         rows.cuts.get_or_insert_default();
-        let mut new = Self { lanes, lights, rows, fragments_of, ahead: [A::NONE; LANES], others: 0 };
+        let (ahead, next) = ([A::NONE; LANES], [f64::INFINITY; LANES]);
+        let mut new = Self { lanes, lights, rows, fragments_of, ahead, next, others: 0 };
         new.clear();
         new
     }
@@ -116,17 +119,22 @@ impl<'a, L: Lanes, K: Lights, A: Ahead, F: Fn(usize) -> A> CutLights<'a, L, K, A
 
     /// Appends a lane's segment, or a part of one, and returns its row.
     #[inline(always)]
-    fn segment(&mut self, lane: usize, segment: &Segment, source: u8, out: &mut Out<'_>) -> usize {
-        let ([near, far], [near_scalar, far_scalar]) = (segment.part, segment.part_scalar);
-        let (row, cuts) = self.row(lane, source, out);
-        if segment.part != segment.depth {
-            cuts.parts[row] |= 1 << lane;
-            cuts.wholes[row][lane] =
-                [0, 1].map(|end| RayPoint { depth: segment.depth[end], scalar: segment.scalar[end] });
-        }
-        (self.rows.from_depth[row][lane], self.rows.from_scalar[row][lane]) = (near, near_scalar);
-        (self.rows.to_depth[row][lane], self.rows.to_scalar[row][lane]) = (far, far_scalar);
+    fn segment(&mut self, lane: usize, [from, to]: [RayPoint; 2], source: u8, out: &mut Out<'_>) -> usize {
+        let (row, _) = self.row(lane, source, out);
+        (self.rows.from_depth[row][lane], self.rows.from_scalar[row][lane]) = (from.depth, from.scalar);
+        (self.rows.to_depth[row][lane], self.rows.to_scalar[row][lane]) = (to.depth, to.scalar);
         self.rows.alive[row] |= 1 << lane;
+        row
+    }
+
+    /// Appends a part of a lane's segment `whole`, and returns its row.
+    #[inline(always)]
+    fn part(&mut self, lane: usize, part: [RayPoint; 2], whole: [RayPoint; 2], source: u8, out: &mut Out<'_>) -> usize {
+        let row = self.segment(lane, part, source, out);
+        if let Some(cuts) = &mut self.rows.cuts {
+            cuts.parts[row] |= 1 << lane;
+            cuts.wholes[row][lane] = whole;
+        }
         row
     }
 
@@ -142,20 +150,43 @@ impl<'a, L: Lanes, K: Lights, A: Ahead, F: Fn(usize) -> A> CutLights<'a, L, K, A
         }
     }
 
-    /// Appends a lane's segment, cut at the fragments in front of its end.
+    /// The light of a lane's next fragment, if it lies before a depth.
     #[inline(always)]
-    fn cut(&mut self, lane: usize, segment: Segment, source: u8, out: &mut Out<'_>) {
-        let mut rest = segment;
-        while let Some(fragment) = self.ahead[lane].take_before(segment.part[1]) {
-            let (near, behind) = rest.split(fragment.0);
-            let row = match near {
-                Some(near) => self.segment(lane, &near, source, out),
-                None => self.row(lane, source, out).0,
+    fn take_before(&mut self, lane: usize, depth: f64) -> Option<(f64, [f32; 4])> {
+        let taken = self.ahead[lane].take_before(depth)?;
+        self.next[lane] = self.ahead[lane].next_depth();
+        Some(taken)
+    }
+
+    /// Gives a lane the fragments on the ray of a pixel, if there is one.
+    #[inline(always)]
+    fn look_at(&mut self, lane: usize, pixel: Option<usize>) {
+        self.ahead[lane] = pixel.map_or(A::NONE, &self.fragments_of);
+        self.next[lane] = self.ahead[lane].next_depth();
+    }
+
+    /// Appends a lane's segment, cut at the fragments in front of its end, of which there are some.
+    #[inline(always)]
+    fn cut(&mut self, lane: usize, whole: [RayPoint; 2], source: u8, out: &mut Out<'_>) {
+        let [mut near, far] = whole;
+        let segment = Segment::of_scalars(NONE, near, far, RayLine::default());
+        while let Some(fragment) = self.take_before(lane, far.depth) {
+            let depth = fragment.0;
+            let row = if near.depth < depth {
+                let here = RayPoint { depth, scalar: segment.scalar_at(depth) };
+                let row = self.part(lane, [near, here], whole, source, out);
+                near = here;
+                row
+            } else {
+                self.row(lane, source, out).0
             };
             self.fragment(row, lane, fragment);
-            rest = behind;
         }
-        self.segment(lane, &rest, source, out);
+        if near == whole[0] {
+            self.segment(lane, whole, source, out);
+        } else {
+            self.part(lane, [near, far], whole, source, out);
+        }
     }
 
     /// Ends the ray of a lane, behind its last fragments.
@@ -164,12 +195,12 @@ impl<'a, L: Lanes, K: Lights, A: Ahead, F: Fn(usize) -> A> CutLights<'a, L, K, A
         // The last of these rows is without a fragment.
         let row = loop {
             let (row, _) = self.row(lane, BEHIND, out);
-            let Some(fragment) = self.ahead[lane].take_before(f64::INFINITY) else { break row };
+            let Some(fragment) = self.take_before(lane, f64::INFINITY) else { break row };
             self.fragment(row, lane, fragment);
         };
         self.rows.ends.push(RayEnd { row, lane, pixel, line, next });
         self.others |= 1 << lane;
-        self.ahead[lane] = next.map_or(A::NONE, &self.fragments_of);
+        self.look_at(lane, next);
     }
 }
 
@@ -182,6 +213,8 @@ impl<L: Lanes, K: Lights, A: Ahead, F: Fn(usize) -> A> Lights for CutLights<'_, 
         for row in 0..rows.count {
             let of_row = ends.iter().take_while(|end| end.row == row).count();
             let (ended, rest) = ends.split_at(of_row);
+            let (next, to) = (self.lanes.load(&self.next), self.lanes.load(&rows.to_depth[row]));
+            let has_fragments = self.lanes.bits(self.lanes.lt(next, to));
             let mut todo = rows.alive[row];
             while todo != 0 {
                 let lane = todo.trailing_zeros() as usize;
@@ -189,8 +222,12 @@ impl<L: Lanes, K: Lights, A: Ahead, F: Fn(usize) -> A> Lights for CutLights<'_, 
                 if self.is_opaque(lane, out) {
                     out.stats.steps -= 1;
                 } else {
-                    let (from, to) = (rows.from(row, lane), rows.to(row, lane));
-                    self.cut(lane, Segment::of_scalars(NONE, from, to, RayLine::default()), row as u8, out);
+                    let ends = [rows.from(row, lane), rows.to(row, lane)];
+                    if has_fragments >> lane & 1 == 1 {
+                        self.cut(lane, ends, row as u8, out);
+                    } else {
+                        self.segment(lane, ends, row as u8, out);
+                    }
                 }
                 if let Some(end) = ended.iter().find(|end| end.lane == lane) {
                     self.end(end, out);
@@ -203,7 +240,7 @@ impl<L: Lanes, K: Lights, A: Ahead, F: Fn(usize) -> A> Lights for CutLights<'_, 
 
     fn begin(&mut self, lane: usize, line: RayLine, pixel: Option<usize>) {
         self.lights.begin(lane, line, pixel);
-        self.ahead[lane] = pixel.map_or(A::NONE, &self.fragments_of);
+        self.look_at(lane, pixel);
     }
 
     fn finish(&mut self, lane: usize, out: &mut Out<'_>, pixel: usize) {

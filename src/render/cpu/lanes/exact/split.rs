@@ -39,12 +39,12 @@ impl<L: Lanes> ExactLights<'_, L> {
     }
 
     /// Moves `front` to the fragments of a row, which composites them at its end: it has a step, if without pieces.
-    #[inline(never)]
+    #[inline(always)]
     fn pass_fragments(&mut self, rows: &Rows, cuts: &Cuts, row: usize, out: &mut Out<'_>) {
-        let which = cuts.fragments[row];
-        for lane in (0..LANES).filter(|lane| which >> lane & 1 == 1) {
-            self.front[lane] = self.front[lane].max(cuts.depth[row][lane]);
-        }
+        let lanes = self.optics.lanes;
+        let (which, front) = (cuts.fragments[row], lanes.load(&self.front));
+        let reached = lanes.greater(front, lanes.load(&cuts.depth[row]));
+        self.front = lanes.store(lanes.select(lanes.mask(which), reached, front));
         self.composited |= which;
         let has_step = self.steps.about[..self.steps.count].last().is_some_and(|last| last.row == row);
         if !has_step {
