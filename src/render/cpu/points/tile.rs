@@ -62,14 +62,6 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
         }
         let view = self.source.view;
         let rays = TileRays::new(view, Bounds { x0: x, x1: x + width, y0: y, y1: y + height });
-        if has_layers {
-            // Those without points; the others follow.
-            self.each(&rays.rendered, |pixel| {
-                let (column, row) = (pixel % TILE_PX, pixel / TILE_PX);
-                let light = RayLight::<M::Ray, _>::new(view.near_depth(), self.layers.ahead(x + column, y + row));
-                pixels[row * width + column] = light.pixel();
-            });
-        }
         self.list(tile, &mut scratch.cover);
         for wanted in self.passes(tile, &rays) {
             self.collect((&rays, &wanted), &mut scratch.cover, &mut scratch.fragments);
@@ -99,7 +91,7 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
         }
     }
 
-    /// Composites the fragments of a pixel.
+    /// Composites the fragments of a pixel, also those of other layers alone.
     #[inline(always)]
     fn composite(
         &self,
@@ -110,18 +102,21 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
         stats: &mut FrameStats,
     ) {
         let range = fragments.range(pixel);
-        if range.is_empty() {
-            return;
-        }
         let Bounds { x0, x1, y0, .. } = rays.bounds;
         let (column, row) = (pixel % TILE_PX, pixel / TILE_PX);
-        let ahead = self.layers.ahead(x0 + column, y0 + row);
+        let (place, ahead) = (row * (x1 - x0) + column, self.layers.ahead(x0 + column, y0 + row));
+        if range.is_empty() {
+            if Y::ANY {
+                pixels[place] = RayLight::<M::Ray, _>::new(self.source.view.near_depth(), ahead).pixel();
+            }
+            return;
+        }
         let light = self.light(&rays.ray(self.source.view, pixel), fragments.some(range), ahead);
         stats.segments += u64::from(light.segments);
         stats.out_of_order += u64::from(light.out_of_order);
         stats.rays_stopped_early += u64::from(self.early_termination && light.is_opaque());
         stats.rays_hit += 1;
-        pixels[row * (x1 - x0) + column] = light.pixel();
+        pixels[place] = light.pixel();
     }
 
     /// The pixels of a tile whose rays are cast, in parts whose fragments are drawn together.

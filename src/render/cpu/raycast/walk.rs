@@ -87,7 +87,7 @@ fn walk_from<M: Medium<Light = Accumulator>, L: Layers>(
     let (columns, rows) = scene.plane.pixels_in(rect);
     let has_layers = layers.has_some_in(columns, rows);
     if has_layers {
-        without_cells(scene, layers, rect, pixels);
+        without_cells(scene, layers, rect, starts, pixels);
     }
     if starts.is_empty() {
         return stats;
@@ -127,14 +127,18 @@ fn walk_with<M: Medium<Light = Accumulator>, L: Layers>(
     }
 }
 
-/// Renders the rays of a tile as if they met no cell.
+/// Renders the rays of a tile that have no start: they meet no cell.
 fn without_cells<M: Medium<Light = Accumulator>, L: Layers>(
     scene: &Scene<'_, M>,
     layers: &L,
     rect: PixelRect,
+    starts: &[PixelStart],
     pixels: &mut [TilePixel],
 ) {
-    for (pixel, out) in pixels.iter_mut().enumerate().take(rect.width * rect.height) {
+    let mut meets_cells = [false; TILE_PX * TILE_PX];
+    starts.iter().for_each(|start| meets_cells[start.0 as usize] = true);
+    let pixels = pixels.iter_mut().zip(meets_cells).enumerate().take(rect.width * rect.height);
+    for (pixel, (out, _)) in pixels.filter(|(_, (_, meets_cells))| !meets_cells) {
         let (column, row) = scene.plane.pixel(rect, pixel);
         if scene.plane.renders(column, row) {
             *out = RayLight::<M::Ray, _>::new(scene.view.near_depth(), layers.ahead(column, row)).pixel();
