@@ -31,19 +31,26 @@ pub(in crate::render) struct ListedFragments {
 }
 
 impl ListedFragments {
-    /// Keeps the fragments for which `is_kept`, asked by the number of the pixel and the depth; returns how many are left out.
-    pub(in crate::render) fn retain(&mut self, is_kept: impl Fn(usize, f64) -> bool) -> u64 {
+    /// Keeps the fragments whose depths, in units of `per_unit`, lie in the intervals of their pixel, which ascend and have both ends; returns how
+    /// many are left out.
+    pub(in crate::render) fn keep_within<'a>(
+        &mut self,
+        intervals_of: impl Fn(usize) -> &'a [[f64; 2]],
+        per_unit: f64,
+    ) -> u64 {
+        let Self { spans, fragments } = self;
         let mut left_out = 0;
-        for (pixel, [begin, end]) in self.spans.iter_mut().enumerate() {
-            let all = *begin as usize..*end as usize;
-            let mut kept = all.start;
-            for i in all {
-                if is_kept(pixel, self.fragments[i].depth) {
-                    self.fragments[kept] = self.fragments[i];
-                    kept += 1;
+        for (pixel, [begin, end]) in spans.iter_mut().enumerate() {
+            let (mut kept, mut next, all) = (*begin as usize, *begin as usize, *end as usize);
+            for [near, far] in intervals_of(pixel) {
+                let from = next + fragments[next..all].partition_point(|of| of.depth / per_unit < *near);
+                next = from + fragments[from..all].partition_point(|of| of.depth / per_unit <= *far);
+                if kept < from {
+                    fragments.copy_within(from..next, kept);
                 }
+                kept += next - from;
             }
-            left_out += u64::from(*end) - kept as u64;
+            left_out += (all - kept) as u64;
             *end = kept as u32;
         }
         left_out
@@ -275,7 +282,9 @@ impl Layers for JobLayers<'_> {
     fn ahead(&self, column: usize, row: usize) -> FragmentsAhead<'_> {
         let rest = self.of_pixel(column, row);
         let local_per_world = self.local_per_world;
-        let hidden = rest.partition_point(|fragment| fragment.depth * local_per_world < self.near);
+        let is_hidden = |fragment: &LayerFragment| fragment.depth * local_per_world < self.near;
+        // Seldom any: the search would look at half of the list's memory.
+        let hidden = if rest.first().is_some_and(is_hidden) { rest.partition_point(is_hidden) } else { 0 };
         FragmentsAhead { rest: &rest[hidden..], local_per_world }
     }
 

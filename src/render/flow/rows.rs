@@ -41,7 +41,7 @@ pub(super) fn fragments(
         let outside = inside.map_or(0, |inside| {
             // The pixels of a row follow each other in the plane; a local unit is a power of two.
             let first = view.rendered_in(row, 0..view.width_px).next().map_or(0, |(_, place)| place);
-            drawn.retain(|pixel, depth| inside.has(first + pixel, depth / per_unit))
+            drawn.keep_within(|pixel| inside.of_ray(first + pixel), per_unit)
         });
         (drawn, outside)
     };

@@ -64,6 +64,7 @@ impl Inside {
     }
 
     /// Whether a point of a ray is inside.
+    #[cfg(test)]
     pub(in crate::render) fn has(&self, ray: usize, depth: f64) -> bool {
         let intervals = self.of_ray(ray);
         let next = intervals.partition_point(|[_, far]| *far < depth);
