@@ -5,7 +5,7 @@ mod order;
 mod travel;
 
 pub(super) use decode::{DecodeFlow, FlowValues};
-pub(super) use order::OrderFlow;
+pub(super) use order::{FlowBy, OrderFlow};
 
 use super::distribution::speeds;
 use super::series::Series;
