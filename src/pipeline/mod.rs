@@ -227,12 +227,7 @@ impl Pipeline {
         self.decode.flow_vector(&self.series, request, point, cancel)
     }
 
-    fn order(
-        &mut self,
-        request: &FrameRequest,
-        draws_flow: bool,
-        cancel: &Cancel,
-    ) -> Result<Ordered, PipelineError> {
+    fn order(&mut self, request: &FrameRequest, draws_flow: bool, cancel: &Cancel) -> Result<Ordered, PipelineError> {
         let decoded = self.decode.run(&self.series, request, cancel)?;
         self.order.run(&self.series, request, decoded, draws_flow, cancel)
     }

@@ -130,7 +130,8 @@ pub(super) fn order_all(
         let ordered = decoded.and_then(|content| match content {
             Content::Kept(frame) => Ok(Content::Kept(frame)),
             Content::New(decoded) => guarded("order", || {
-                let draws_flow = shared.gpu_draws_flow.load(Ordering::Relaxed) && ticket.request.backend != Backend::Cpu;
+                let draws_flow =
+                    shared.gpu_draws_flow.load(Ordering::Relaxed) && ticket.request.backend != Backend::Cpu;
                 let run = || order.run(&ticket.series, &ticket.request, decoded, draws_flow, &ticket.cancel);
                 let mut ordered = threads.install(run)?;
                 // One frame is placed ahead, no more: the lists of faces are large.

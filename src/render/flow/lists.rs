@@ -16,9 +16,9 @@ use std::sync::Arc;
 pub(in crate::render) type Texel = [f32; 4];
 
 /// Texels of the head, of a splat, and of its place in the list of a tile.
-pub(in crate::render) const HEAD: usize = 1;
-pub(in crate::render) const SPLAT_TEXELS: usize = 5;
-pub(in crate::render) const PLACE_TEXELS: usize = 2;
+const HEAD: usize = 1;
+const SPLAT_TEXELS: usize = 5;
+const PLACE_TEXELS: usize = 2;
 
 /// Levels of an icon that its number is counted by.
 const LEVELS: u32 = 8;
@@ -145,13 +145,8 @@ impl FlowSplats {
 
     /// What all splats have in common.
     fn head(&self) -> Texel {
-        let kernels = match self.kernels {
-            None => 0.0,
-            Some(FlowFidelity::Smooth) => 1.0,
-            Some(FlowFidelity::Paper) => 2.0,
-        };
         let [is_cut, has_others] = [self.inside.is_some(), self.others().is_some()].map(|is| f32::from(u8::from(is)));
-        [kernels, is_cut, has_others, 0.0]
+        [kernels_number(self.kernels), is_cut, has_others, 0.0]
     }
 
     /// The texels of a splat, whose icons have these means.
@@ -235,6 +230,15 @@ impl FlowSplats {
     }
 }
 
+/// The number of what kernels are.
+fn kernels_number(kernels: Option<FlowFidelity>) -> f32 {
+    match kernels {
+        None => 0.0,
+        Some(FlowFidelity::Smooth) => 1.0,
+        Some(FlowFidelity::Paper) => 2.0,
+    }
+}
+
 /// A splat's place in the list of a tile with this middle.
 fn place_of(splat: &Splat, number: u32, middle: DVec2) -> [Texel; PLACE_TEXELS] {
     let [xx, xy, _] = splat.form;
@@ -246,12 +250,7 @@ fn place_of(splat: &Splat, number: u32, middle: DVec2) -> [Texel; PLACE_TEXELS] 
         if at.is_finite() { (at - at.floor()) as f32 } else { 0.0 }
     };
     [
-        [
-            (root * (beside.x - slope * beside.y)) as f32,
-            (down * beside.y) as f32,
-            root as f32,
-            (-root * slope) as f32,
-        ],
+        [(root * (beside.x - slope * beside.y)) as f32, (down * beside.y) as f32, root as f32, (-root * slope) as f32],
         [down as f32, periods(along, splat.phase[0]), periods(across, splat.phase[1]), number as f32],
     ]
 }
@@ -262,4 +261,23 @@ impl Splat {
         let (DVec2 { x, y }, [along, across]) = (self.along, self.frequency);
         [along * DVec2::new(x, y), across * DVec2::new(y, -x)]
     }
+}
+
+/// Constants that shaders have, too.
+#[cfg(test)]
+pub(in crate::render) fn layout_of_lists() -> Vec<(&'static str, f64)> {
+    let (texels, least) = (super::TEXELS as f64, (-0.5 * END * END).exp());
+    vec![
+        ("FLOW_HEAD", HEAD as f64),
+        ("SPLAT_TEXELS", SPLAT_TEXELS as f64),
+        ("PLACE_TEXELS", PLACE_TEXELS as f64),
+        ("NO_KERNELS", kernels_number(None).into()),
+        ("SMOOTH_KERNELS", kernels_number(Some(FlowFidelity::Smooth)).into()),
+        ("SPLAT_END", END * END),
+        ("SPLAT_LEAST", least),
+        ("ICON_ROWS", texels),
+        ("ICON_LEVELS", texels.log2() + 1.0),
+        ("ICON_COLUMNS", 2.0 * texels + 1.0),
+        ("ICON_BEFORE", 0.5 * texels),
+    ]
 }

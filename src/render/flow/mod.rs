@@ -11,7 +11,8 @@
 //! ```
 //!
 //! All fragments of a splat are at its centre's depth along the view direction, so that one order holds in every pixel. Those that hang out of
-//! the cells that are shown are left out. They reach the cells as [`LayerFragments`], which every renderer composites between its segments.
+//! the cells that are shown are left out. They reach the cells as [`LayerFragments`](super::LayerFragments), which every renderer composites between
+//! its segments. A GPU finds what its rays see of the splats by itself: the fragments of a frame take some hundred times the memory of its splats.
 
 mod icon;
 mod kernel;
@@ -31,6 +32,8 @@ pub use icon::Icon;
 pub(in crate::render) use icon::TEXELS;
 pub use kernel::FlowVolume;
 pub(crate) use kernel::Kernels;
+#[cfg(all(test, feature = "gpu"))]
+pub(in crate::render) use lists::layout_of_lists;
 pub(crate) use mixture::Mixture;
 pub use mixture::{FlowIcons, Pattern, Thresholds};
 pub use names::IconName;

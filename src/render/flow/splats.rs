@@ -84,10 +84,7 @@ impl FlowSplats {
     ///
     /// # Errors
     /// If there are more than memory is for.
-    pub(crate) fn fragments(
-        &self,
-        spare: Option<LayerFragments>,
-    ) -> Result<(LayerFragments, FlowCounts), RenderError> {
+    pub(crate) fn fragments(&self, spare: Option<LayerFragments>) -> Result<(LayerFragments, FlowCounts), RenderError> {
         let listed = if let Samples::Pixels(pixels) = &self.view.samples { pixels.ascending() } else { None };
         let Some((ascending, places)) = listed else { return self.fragments_in(&self.view, spare) };
         let view = View { samples: Samples::Pixels(Arc::new(ascending)), ..self.view.clone() };

@@ -10,6 +10,8 @@ use crate::render::testing::{self, difference, is_within};
 use crate::render::{LayerFragments, RenderError, RenderJob, Renderer};
 use glam::DVec2;
 
+#[cfg(feature = "gpu")]
+mod gpu;
 mod mixture;
 mod outside;
 

@@ -108,12 +108,7 @@ impl Context {
         Self { is_of_window: true, ..Self::of_device(adapter, device, queue, &ContextOptions::default()) }
     }
 
-    fn of_device(
-        adapter: &wgpu::Adapter,
-        device: wgpu::Device,
-        queue: wgpu::Queue,
-        options: &ContextOptions,
-    ) -> Self {
+    fn of_device(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue, options: &ContextOptions) -> Self {
         let has_timestamps = device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
         let fault = Arc::new(Mutex::new(None));
         let keep = |fault: &Arc<Mutex<Option<Fault>>>| {

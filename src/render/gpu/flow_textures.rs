@@ -92,12 +92,7 @@ impl FlowTextures {
         Ok(sent)
     }
 
-    fn update_inside(
-        &mut self,
-        context: &Context,
-        flow: &FlowSplats,
-        origin: f64,
-    ) -> Result<(bool, u64), RenderError> {
+    fn update_inside(&mut self, context: &Context, flow: &FlowSplats, origin: f64) -> Result<(bool, u64), RenderError> {
         let Some(inside) = flow.inside() else {
             self.inside_of = None;
             return Ok((self.inside.release(context, true)?, 0));

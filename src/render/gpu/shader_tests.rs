@@ -3,8 +3,8 @@
 use super::layout::{self};
 use super::resources::{Binding, Kind};
 use super::shaders::{
-    Along, Element, FragmentKind, Gathering, Inside, Moment, OtherLayers, Pass, Precision, RECORD_PARTS_MAX, RecordSplit, Stage,
-    Valued, stages,
+    Along, Element, FragmentKind, Gathering, Inside, Moment, OtherLayers, Pass, Precision, RECORD_PARTS_MAX,
+    RecordSplit, Stage, Valued, stages,
 };
 use crate::optics::OpticsKind;
 
@@ -51,7 +51,7 @@ fn every_shader_is_valid_and_has_its_entry_point() {
             checked += 1;
         }
     }
-    assert_eq!(checked, 2 * 235);
+    assert_eq!(checked, 2 * 283);
     // Only those in f64 need a device that has it.
     let exact = Along::cells(Gathering::Scalar(OpticsKind::Exact), Inside::Volume);
     let double = Stage::Walk(exact, Precision::Double).source(SPLITS[0]);

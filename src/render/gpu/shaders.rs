@@ -117,7 +117,8 @@ fn listing(element: Element, precision: Precision) -> impl Iterator<Item = Stage
     });
     // All points are sorted and resolved alike, and without other layers.
     let resolves = !element.is_slab();
-    let resolving = Along::all().filter(move |along| resolves && (element == Element::Face || along.layers == OtherLayers::None));
+    let resolving =
+        Along::all().filter(move |along| resolves && (element == Element::Face || along.layers == OtherLayers::None));
     let resolving = resolving.map(move |along| Stage::Resolve(element, along, precision));
     let sorts = resolves && precision == Precision::Single;
     let sorting = sorts.then(|| kinds.map(|kind| Stage::FragmentSort(element, kind)));
