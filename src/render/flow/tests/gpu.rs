@@ -82,7 +82,7 @@ fn with_flow(job: &RenderJob, scene: &FlowScene) -> RenderJob {
 
 /// The scene a little later.
 fn later(scene: &FlowScene) -> FlowScene {
-    FlowScene { travel: Arc::new(scene.travel.iter().map(|way| way + 0.2).collect()), ..scene.clone() }
+    FlowScene { travel: Arc::new(scene.travel.iter().map(|way| 1.13 * way).collect()), ..scene.clone() }
 }
 
 /// Scenes of a mesh: icons, blur, fidelity, few and large splats, vectors of cells, mixtures, kernels.
