@@ -134,6 +134,8 @@ impl OrderFlow {
         let splats = scene.splats(local_view).among(others);
         if draws {
             self.release();
+            #[cfg(feature = "gpu")]
+            splats.reach();
             told(stats, splats.counts(), 0);
             return Ok((Some(Arc::new(splats)), None));
         }

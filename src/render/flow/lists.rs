@@ -26,9 +26,12 @@ const LEVELS: u32 = 8;
 /// Most splats: f32 has their numbers.
 const MOST_SPLATS: usize = 1 << 24;
 
+/// Most places in tiles, or in rows of them: 1 GiB.
+const MOST_PLACES: usize = 1 << 25;
+
 /// The splats of a row of tiles.
-#[derive(Default)]
-struct Strip {
+#[derive(Debug, Default)]
+pub(super) struct Strip {
     /// The splats in their order, each with the tiles that it reaches.
     reached: Vec<(u32, Range<u32>)>,
     /// For each tile, the number of its splats.
@@ -87,39 +90,68 @@ impl Grid {
         strip
     }
 
+    /// The rows of tiles with pixels of a splat.
+    fn rows_of(&self, splat: &Splat) -> Range<usize> {
+        let rows = self.places(splat.rows(self.image[1]), 1);
+        if rows.is_empty() { 0..0 } else { rows.start / TILE_PX..rows.end.div_ceil(TILE_PX) }
+    }
+
     /// The splats on each row of tiles, in their order.
     fn on_rows(&self, splats: &[Splat]) -> Vec<Vec<u32>> {
         let mut on_rows = vec![Vec::new(); self.tiles()[1]];
         for (splat, number) in splats.iter().zip(0..) {
-            let rows = self.places(splat.rows(self.image[1]), 1);
-            if !rows.is_empty() {
-                on_rows[rows.start / TILE_PX..rows.end.div_ceil(TILE_PX)].iter_mut().for_each(|row| row.push(number));
-            }
+            on_rows[self.rows_of(splat)].iter_mut().for_each(|row| row.push(number));
         }
         on_rows
     }
 }
 
 impl FlowSplats {
+    /// The plane that is rendered; `None` of listed pixels.
+    fn grid(&self) -> Option<Grid> {
+        let Samples::Lattice(lattice) = self.view.samples else { return None };
+        let (columns, rows) = self.view.plane_px();
+        Some(Grid { lattice, image: [self.view.width_px, self.view.height_px], plane: [columns, rows] })
+    }
+
+    /// The tiles that the splats reach, row by row; `None` if they are too many.
+    fn strips(&self, grid: &Grid) -> Option<&[Strip]> {
+        let found = self.reached.get_or_init(|| {
+            // Before anything is listed.
+            let rows: usize = self.splats.par_iter().map(|splat| grid.rows_of(splat).len()).sum();
+            if rows > MOST_PLACES {
+                return None;
+            }
+            let on_rows = grid.on_rows(&self.splats);
+            let of_row = |(row, splats): (usize, &Vec<u32>)| grid.strip(row, &self.splats, splats);
+            Some(on_rows.par_iter().enumerate().map(of_row).collect())
+        });
+        found.as_deref()
+    }
+
+    /// Finds the tiles that the splats reach, which takes longer than to list them.
+    pub(crate) fn reach(&self) {
+        if let Some(grid) = self.grid() {
+            self.strips(&grid);
+        }
+    }
+
     /// Lists the splats by tiles; depths are counted from `origin` (local units).
     ///
     /// # Errors
     /// What is too much if there would be more than `most` texels.
     pub(in crate::render) fn list(&self, origin: f64, most: usize, texels: &mut Vec<Texel>) -> Result<(), String> {
-        let Samples::Lattice(lattice) = self.view.samples else { return Err("a list of pixels".to_owned()) };
-        let (plane, image) = (self.view.plane_px(), [self.view.width_px, self.view.height_px]);
-        let grid = Grid { lattice, image, plane: [plane.0, plane.1] };
+        let Some(grid) = self.grid() else { return Err("a list of pixels".to_owned()) };
         if self.splats.len() > MOST_SPLATS {
             return Err(format!("{} splats of flow, of which it can tell {MOST_SPLATS}", self.splats.len()));
         }
-        let on_rows = grid.on_rows(&self.splats);
-        let of_row = |(row, splats): (usize, &Vec<u32>)| grid.strip(row, &self.splats, splats);
-        let strips: Vec<Strip> = on_rows.par_iter().enumerate().map(of_row).collect();
+        let too_many = || "splats of flow have more places in tiles than a texture".to_owned();
+        let strips = self.strips(&grid).ok_or_else(too_many)?;
         let counts: Vec<u32> = strips.iter().flat_map(|strip| strip.counts.iter().copied()).collect();
         let places: usize = counts.iter().map(|&count| count as usize).sum();
         let begin = (HEAD + counts.len() + SPLAT_TEXELS * self.splats.len()).next_multiple_of(PLACE_TEXELS);
         if begin + PLACE_TEXELS * places > most {
-            return Err(format!("splats of flow have {places} places in tiles, which take more than a texture"));
+            return Err(too_many());
         }
         texels.clear();
         texels.push(self.head());
@@ -133,7 +165,7 @@ impl FlowSplats {
         texels.resize(next, [0.0; 4]);
         let mut rest = &mut texels[begin..];
         let mut parts = Vec::with_capacity(strips.len());
-        for strip in &strips {
+        for strip in strips {
             let places: usize = strip.counts.iter().map(|&count| count as usize).sum();
             let (part, behind) = rest.split_at_mut(PLACE_TEXELS * places);
             parts.push((strip, part));

@@ -2,6 +2,8 @@
 
 use super::super::cpu::layers::Inside;
 use super::icon::IconSums;
+#[cfg(feature = "gpu")]
+use super::lists::Strip;
 use super::mixture::Pattern;
 use super::splat::Splat;
 use super::{FlowCounts, FlowFidelity, FlowScene, Thresholds, rows};
@@ -9,6 +11,8 @@ use crate::camera::{Samples, View};
 use crate::render::{LayerFragments, RenderError};
 use rayon::prelude::*;
 use std::sync::Arc;
+#[cfg(feature = "gpu")]
+use std::sync::OnceLock;
 
 /// The splats of a frame in its view.
 #[derive(Debug)]
@@ -29,6 +33,9 @@ pub struct FlowSplats {
     per_unit: f64,
     /// The fragments of the frame's other layers, which lie in front at equal depths.
     others: Option<Arc<LayerFragments>>,
+    /// The tiles that they reach, once these are known; `None`: too many.
+    #[cfg(feature = "gpu")]
+    pub(super) reached: OnceLock<Option<Vec<Strip>>>,
 }
 
 impl FlowScene {
@@ -47,6 +54,8 @@ impl FlowScene {
             view: view.clone(),
             per_unit: self.mesh.positions.scale,
             others: None,
+            #[cfg(feature = "gpu")]
+            reached: OnceLock::new(),
         }
     }
 }

@@ -5,7 +5,7 @@ use super::outside::{of_cells, with_gaps};
 use super::*;
 use crate::mesh::NONE;
 use crate::render::cpu::havs::Havs;
-use crate::render::gpu::context::{Context, ContextOptions};
+use crate::render::gpu::context::{Context, ContextOptions, Tier};
 use crate::render::gpu::{havs, raycast, test_common};
 use crate::render::{Frame, LayerFragment};
 use crate::stats::FrameStats;
@@ -197,4 +197,52 @@ fn a_gpu_that_draws_no_splats_has_the_bits_of_their_fragments_and_frees_lists_of
     for (job, expected) in [(&of_fragments, &expected.planes), (&job, &without_layers), (&flow, &first)] {
         assert!(bits(&mut renderer, job) == *expected);
     }
+}
+
+#[test]
+fn lists_hold_in_f64_and_within_default_limits() {
+    let mut raw = jittered(kuhn_grid([5; 3]), &mut Random::new(3));
+    raw.points.iter_mut().for_each(|point| point.z *= 1e-3);
+    let flat = Arc::new(Mesh::build(raw).unwrap().0);
+    let (mut in_f64, usual) = (0, FlowStyle { size: 1.0, ..FlowStyle::default() });
+    for tier in [Tier::Adapter, Tier::WebGpu] {
+        let options = ContextOptions { draws_flow: Some(true), tier, ..ContextOptions::default() };
+        let Ok(context) = Context::new(&options) else { return test_common::skip("gpu", "there is none") };
+        let mut renderers = Renderers::of(&Arc::new(context));
+        let camera = camera(&flat);
+        let node = |scalar, tau| Node { scalar, rgb: [0.3, 0.6, 0.2], tau };
+        let dense = Arc::new(NodeTable::new(vec![node(-1.0, 5.0), node(1.0, 60.0)]).unwrap());
+        let job = RenderJob { table: dense, ..job(&flat, &camera, (60, 33)) };
+        let clear = RenderJob { table: Arc::new(NodeTable::transparent()), ..job.clone() };
+        let scene = scene(&flat, usual, vortex);
+        for job in [job, clear] {
+            let [shown, others] = [&scene, &later(&scene)].map(|scene| with_flow(&job, scene));
+            let stats = renderers.compare(&format!("{tier:?}"), &shown, &others);
+            in_f64 += stats.iter().filter(|[found, _]| found.in_f64).count();
+        }
+    }
+    eprintln!("{in_f64} in f64");
+}
+
+#[test]
+fn what_takes_more_than_a_texture_and_lists_of_pixels_are_refused() {
+    let mesh = mesh(4);
+    let job = job(&mesh, &camera(&mesh), (60, 40));
+    let all = scene(&mesh, FlowStyle::default(), vortex);
+    let (splats, mut texels) = (all.splats(&job.local_view()), Vec::new());
+    splats.list(0.0, usize::MAX, &mut texels).unwrap();
+    let least = texels.len();
+    assert!(splats.list(0.0, least, &mut texels).is_ok());
+    assert!(splats.list(0.0, least - 1, &mut texels).unwrap_err().contains("more places in tiles than a texture"));
+    let pixels = Samples::Pixels(Arc::new(PixelSet::new((60, 40), &[7, 3, 1000]).unwrap()));
+    let listed = RenderJob { view: View { samples: pixels, ..job.view.clone() }, ..job };
+    let flow = with_flow(&listed, &all);
+    // The CPU draws them as they are in the whole image.
+    let some = Raycast::new().render(flow.clone()).unwrap().planes.color.pixels.clone();
+    let whole = RenderJob { view: View { samples: Samples::ALL, ..listed.view.clone() }, ..listed };
+    let whole = Raycast::new().render(with_flow(&whole, &all)).unwrap().planes.color.pixels.clone();
+    assert_eq!(some, [7, 3, 1000].map(|pixel: usize| whole[pixel]));
+    let Some(context) = context(true) else { return };
+    let refused = raycast::Raycast::new(context).render(flow).map(|_| ());
+    assert!(matches!(refused, Err(RenderError::BeyondGpu { problem, .. }) if problem.contains("list of pixels")));
 }
