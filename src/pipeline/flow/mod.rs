@@ -1,7 +1,8 @@
 //! Layers of flow: their vectors at a time, the way that these have travelled, and their fragments in a view.
 
 mod decode;
-#[cfg(all(test, feature = "gpu"))]
+#[cfg(test)]
+#[cfg(feature = "gpu")]
 mod gpu_tests;
 mod order;
 mod travel;

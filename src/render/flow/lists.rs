@@ -73,16 +73,16 @@ impl Grid {
         for &number in on_row {
             let splat = &splats[number as usize];
             let of_splat = self.places(splat.rows(self.image[1]), 1);
-            let mut reached = usize::MAX..0;
+            let [mut first, mut end] = [usize::MAX, 0];
             for place in of_splat.start.max(rows.start)..of_splat.end.min(rows.end) {
                 let pixel = self.lattice.pixel(place, self.image[1]);
                 let columns = self.places(splat.columns(pixel, image), 0);
                 if !columns.is_empty() {
-                    reached = reached.start.min(columns.start)..reached.end.max(columns.end);
+                    (first, end) = (first.min(columns.start), end.max(columns.end));
                 }
             }
-            if !reached.is_empty() {
-                let tiles = reached.start / TILE_PX..reached.end.div_ceil(TILE_PX);
+            if first < end {
+                let tiles = first / TILE_PX..end.div_ceil(TILE_PX);
                 strip.counts[tiles.clone()].iter_mut().for_each(|count| *count += 1);
                 strip.reached.push((number, tiles.start as u32..tiles.end as u32));
             }

@@ -1,12 +1,14 @@
 //! The splats of a view: renderers draw their fragments, or, on a GPU, their lists by tiles.
 
 use super::super::cpu::layers::Inside;
+#[cfg(feature = "gpu")]
+use super::FlowFidelity;
 use super::icon::IconSums;
 #[cfg(feature = "gpu")]
 use super::lists::Strip;
 use super::mixture::Pattern;
 use super::splat::Splat;
-use super::{FlowCounts, FlowFidelity, FlowScene, Thresholds, rows};
+use super::{FlowCounts, FlowScene, Thresholds, rows};
 use crate::camera::{Samples, View};
 use crate::render::{LayerFragments, RenderError};
 use rayon::prelude::*;
@@ -24,6 +26,7 @@ pub struct FlowSplats {
     /// Opacity of an icon where it is 1.
     pub(super) opacity: f64,
     /// How their kernels are composited; `None` if they have none.
+    #[cfg(feature = "gpu")]
     pub(super) kernels: Option<FlowFidelity>,
     /// Where they are drawn; `None`: everywhere.
     pub(super) inside: Option<Arc<Inside>>,
@@ -49,6 +52,7 @@ impl FlowScene {
             splats,
             patterns: std::iter::once(first).chain(further.into_iter().map(|(_, icon)| icon)).collect(),
             opacity: self.style.opacity,
+            #[cfg(feature = "gpu")]
             kernels: self.kernels.is_some().then_some(self.style.fidelity),
             inside: self.inside(view),
             view: view.clone(),
