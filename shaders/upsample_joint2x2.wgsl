@@ -1,7 +1,7 @@
 // Interpolation of those of the four samples around each pixel at which the reference has nearly the same value. CPU twin:
 // image/upsample/joint2x2.rs. A workgroup is a tile.
 
-const COUNTERS: u32 = 8u;
+const COUNTERS: u32 = 9u;
 // The least sum of weights; below it the pixel falls back to bilinear interpolation.
 const LEAST_SUM: f32 = 1e-6;
 

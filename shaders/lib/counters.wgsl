@@ -7,5 +7,7 @@ const RAYS_HIT: u32 = 3u;
 const STOPPED_EARLY: u32 = 4u;
 const OUT_OF_ORDER: u32 = 5u;
 const BROKEN: u32 = 6u;
-const COUNTERS: u32 = 8u;
+const FLOW_DRAWN: u32 = 7u;
+const FLOW_OUTSIDE: u32 = 8u;
+const COUNTERS: u32 = 9u;
 var<workgroup> counts: array<atomic<u32>, COUNTERS>;

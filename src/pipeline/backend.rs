@@ -76,6 +76,19 @@ impl Renderers {
         Ok(())
     }
 
+    /// Whether splats of flow are probably drawn by a GPU for a backend, so that they need no fragments.
+    pub(super) fn draws_flow(&mut self, backend: Backend) -> bool {
+        self.check(backend).is_ok() && backend != Backend::Cpu && self.gpu_draws_flow()
+    }
+
+    /// Whether the GPU in use draws splats of flow.
+    pub(super) fn gpu_draws_flow(&self) -> bool {
+        #[cfg(feature = "gpu")]
+        return self.gpu.context().is_some_and(|context| context.draws_flow());
+        #[cfg(not(feature = "gpu"))]
+        false
+    }
+
     /// The frame of a job; `None` if it was cancelled.
     ///
     /// # Errors

@@ -28,8 +28,8 @@ impl Enlarge {
     pub(super) fn of(upsampling: Upsampling, job: &RenderJob, view: View) -> Self {
         let enlarging = upsampling.enlarging((view.width_px, view.height_px));
         let active = job.domain.as_ref().unwrap_or(&job.active).clone();
-        let full = RenderJob { active, view, placed: None, faces: None, fragments: None, ..job.clone() };
-        let is_transparent = job.active.count() == 0 && job.fragments.is_none();
+        let full = RenderJob { active, view, placed: None, faces: None, fragments: None, flow: None, ..job.clone() };
+        let is_transparent = job.active.count() == 0 && !job.has_other_layers();
         Self { filter: upsampling.filter, enlarging, full, small_view: job.view.clone(), is_transparent }
     }
 

@@ -79,7 +79,7 @@ fn extras_of(job: &RenderJob) -> [bool; 7] {
     let lights_volume = of_scene(SurfaceScene::lights_volume);
     let has_contrasts = !job.contrasts().is_empty();
     let of_cells = job.scalars.of_cells().is_some();
-    [job.fragments.is_some(), job.surfaces.is_some(), is_cut, lights_volume, is_colored, has_contrasts, of_cells]
+    [job.has_other_layers(), job.surfaces.is_some(), is_cut, lights_volume, is_colored, has_contrasts, of_cells]
 }
 
 fn style_of(job: &RenderJob) -> Option<PointStyle> {

@@ -190,7 +190,8 @@ impl Pipeline {
     /// # Errors
     /// As [`Self::render`], or `Cancelled`.
     pub fn render_unless(&mut self, request: &FrameRequest, cancel: &Cancel) -> Result<&Frame, PipelineError> {
-        let ordered = self.order(request, cancel)?;
+        let draws_flow = matches!(request.flow(), Ok(Some(_))) && self.renderers.draws_flow(request.backend);
+        let ordered = self.order(request, draws_flow, cancel)?;
         waste(Slow::LateFrames, frames_before());
         let drawn = self.renderers.render(ordered, request.backend)?;
         drawn.ok_or(PipelineError::Cancelled)
@@ -209,7 +210,7 @@ impl Pipeline {
     /// # Errors
     /// As [`Self::render`], or `Cancelled`.
     pub fn prepare_unless(&mut self, request: &FrameRequest, cancel: &Cancel) -> Result<RenderJob, PipelineError> {
-        Ok(self.order(request, cancel)?.job)
+        Ok(self.order(request, false, cancel)?.job)
     }
 
     /// The vector of a request's flow at a point of a cell, linear between the vertices; NaN where one of theirs is, `None` without flow. The
@@ -226,8 +227,8 @@ impl Pipeline {
         self.decode.flow_vector(&self.series, request, point, cancel)
     }
 
-    fn order(&mut self, request: &FrameRequest, cancel: &Cancel) -> Result<Ordered, PipelineError> {
+    fn order(&mut self, request: &FrameRequest, draws_flow: bool, cancel: &Cancel) -> Result<Ordered, PipelineError> {
         let decoded = self.decode.run(&self.series, request, cancel)?;
-        self.order.run(&self.series, request, decoded, cancel)
+        self.order.run(&self.series, request, decoded, draws_flow, cancel)
     }
 }

@@ -138,6 +138,7 @@ impl Pipelined {
             pool: FramePool::default(),
             thread_limit: ThreadLimit::none(),
             was_on_cpu: Arc::default(),
+            gpu_draws_flow: Arc::new(renderers.gpu_draws_flow().into()),
         };
         let Pools { preparing, rendering, .. } = pools.clone();
         let (to_order, from_decode) = bounded(PREPARATIONS);

@@ -1,7 +1,7 @@
 //! The first two stages of a frame: decode its scalars, then find and sort the cells and faces to draw.
 
 use super::enlarging::Enlarge;
-use super::flow::{DecodeFlow, FlowValues, OrderFlow};
+use super::flow::{DecodeFlow, FlowBy, FlowValues, OrderFlow};
 use super::functions;
 use super::in_sight::{CellsInSight, InSight, Sight};
 use super::points::PointLists;
@@ -350,7 +350,8 @@ impl Order {
         }
     }
 
-    /// The job of a request whose scalars are decoded: its view and its active cells.
+    /// The job of a request whose scalars are decoded: its view and its active cells. Where a GPU probably draws the splats of flow, they have
+    /// no fragments.
     ///
     /// # Errors
     /// If the camera has no valid view, or `Cancelled`.
@@ -359,6 +360,7 @@ impl Order {
         series: &Series,
         request: &FrameRequest,
         decoded: Decoded,
+        draws_flow: bool,
         cancel: &Cancel,
     ) -> Result<Ordered, PipelineError> {
         let started = Instant::now();
@@ -479,12 +481,12 @@ impl Order {
         if let Some(flow) = flow {
             let (cells, view) = ((&series.mesh, &finite), job.local_view());
             let seen = (&job.scalars, &domain_colors);
-            let (of_view, told) = ((&view, by.is_reference()), (&mut job.stats, cancel));
-            let drawn = self.flow.fragments(flow, cells, seen, &clips, of_view, told)?;
-            job.fragments = Some(match &job.fragments {
-                Some(shells) => Arc::new(shells.with(&drawn)),
-                None => drawn,
-            });
+            // The GPU leaves the rest to the CPU.
+            let may_be_of_gpu = matches!(by, DrawnBy::Raycast | DrawnBy::Faces(_)) && !is_adaptive;
+            let draws = draws_flow && may_be_of_gpu && matches!(view.samples, Samples::Lattice(_));
+            let how = if by.is_reference() { FlowBy::Judge } else { FlowBy::Renderer { draws } };
+            let (of_view, told) = ((&view, how, job.fragments.take()), (&mut job.stats, cancel));
+            (job.flow, job.fragments) = self.flow.draw(flow, cells, seen, &clips, of_view, told)?;
         } else {
             self.flow.release();
         }

@@ -42,6 +42,8 @@ pub(super) struct Shared {
     pub(super) thread_limit: ThreadLimit,
     /// Whether the last frame was drawn on the CPU.
     pub(super) was_on_cpu: Arc<AtomicBool>,
+    /// Whether the last frame was drawn on a GPU that draws splats of flow.
+    pub(super) gpu_draws_flow: Arc<AtomicBool>,
 }
 
 impl Shared {
@@ -128,7 +130,9 @@ pub(super) fn order_all(
         let ordered = decoded.and_then(|content| match content {
             Content::Kept(frame) => Ok(Content::Kept(frame)),
             Content::New(decoded) => guarded("order", || {
-                let run = || order.run(&ticket.series, &ticket.request, decoded, &ticket.cancel);
+                let draws_flow =
+                    shared.gpu_draws_flow.load(Ordering::Relaxed) && ticket.request.backend != Backend::Cpu;
+                let run = || order.run(&ticket.series, &ticket.request, decoded, draws_flow, &ticket.cancel);
                 let mut ordered = threads.install(run)?;
                 // One frame is placed ahead, no more: the lists of faces are large.
                 if shared.will_be_on_cpu(ticket.request.backend) && shared.queue.wait_to_be_next(&ticket) {
@@ -219,6 +223,7 @@ fn render(
     };
     let frame = rendered?.ok_or(PipelineError::Cancelled)?;
     shared.was_on_cpu.store(!frame.stats.on_gpu, Ordering::Relaxed);
+    shared.gpu_draws_flow.store(frame.stats.on_gpu && renderers.gpu_draws_flow(), Ordering::Relaxed);
     let frame = shared.pool.share(frame);
     shared.kept().put(series, request, &frame);
     Ok((frame, false))

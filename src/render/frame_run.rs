@@ -25,6 +25,11 @@ pub trait LayerRenderer: Send {
     /// If the device is lost or fails.
     fn advance(&mut self, budget: Duration, job: &mut Self::Job, frame: &mut Frame) -> Result<bool, RenderError>;
 
+    /// Whether it draws splats of flow itself ([`RenderJob::flow`]). Otherwise its jobs have their fragments.
+    fn draws_flow(&self) -> bool {
+        false
+    }
+
     /// The contrast of the preview that the last slice completed, if better ones follow ([`RenderJob::previews`]).
     fn preview(&self) -> Option<Contrast> {
         None
@@ -79,7 +84,7 @@ impl<L: LayerRenderer> Renderer for FrameRun<L> {
         self.under_way = None;
         self.layer.abandon()?;
         let started = Instant::now();
-        let job = job.with_optics_of_joint_table();
+        let job = job.with_optics_of_joint_table().with_flow_for(self.layer.draws_flow())?;
         let (cancel, ms_before) = (job.cancel.clone(), job.stats.ms_worked());
         self.frame.stats = FrameStats {
             cells_active: job.active.count() as u64,

@@ -6,7 +6,8 @@
 //! Fragments are sorted nearest first, equal depths in layer order. They are composited in front of the cells, in gaps, behind them and
 //! where there are no cells, but not in front of the near plane nor behind an opaque depth. Frames of one layer compile to code without
 //! them (`NoLayers`). The GPU has them in a texture (`render/gpu/layer_fragments.rs`), for rays and faces; it leaves points, and rays that contrast
-//! decides about, to the CPU. The surfaces of the domain and of regions are such a layer, and flow.
+//! decides about, to the CPU. The surfaces of the domain and of regions are such a layer, and flow, of which a hardware GPU draws the splats
+//! themselves ([`super::flow`]).
 
 use super::{RenderError, RenderJob};
 use crate::camera::View;

@@ -37,6 +37,7 @@ use crate::task::{Cancel, ThreadLimit};
 use crate::transfer::TransferSource;
 use crate::visibility::{CellSet, Clusters, Drawn, Skip};
 pub use adaptive::{BadContrast, Contrast};
+use flow::FlowSplats;
 pub use frame_run::{FrameRun, LayerRenderer};
 use functions::FunctionScene;
 pub use joint::JointScene;
@@ -81,8 +82,12 @@ pub struct RenderJob {
     pub joint: Option<JointScene>,
     /// Isosurfaces in the cells; `None` if there are none.
     pub surfaces: Option<SurfaceScene>,
-    /// Fragments of the frame's other layers before, between and behind the cells; `None` if there are none.
+    /// Fragments of the frame's other layers before, between and behind the cells; `None` if there are none, or if those of `flow` have
+    /// not been made.
     pub fragments: Option<Arc<LayerFragments>>,
+    /// The splats of flow, with the fragments of all other layers. Renderers that draw no splats themselves
+    /// ([`LayerRenderer::draws_flow`]) get their fragments.
+    pub flow: Option<Arc<FlowSplats>>,
     /// The surfaces around cells whose fragments are among these, for [`probe`]; renderers ignore them.
     pub shells: Vec<domain::Shell>,
     /// The source of the table, for the reference only; without it the reference integrates the table.
@@ -344,6 +349,7 @@ impl RenderJob {
             joint: None,
             surfaces: None,
             fragments: None,
+            flow: None,
             shells: Vec::new(),
             formula: None,
             optics: OpticsKind::default(),
@@ -400,9 +406,9 @@ impl RenderJob {
         }
         let (columns, rows) = self.view.plane_px();
         let expected = columns * rows;
-        match self.fragments.as_ref().map(|fragments| fragments.pixels()) {
-            Some(given) if given != expected => return Err(RenderError::LayerPixels { given, expected }),
-            _ => {}
+        let of_layers = [self.fragments.as_ref().map(|of| of.pixels()), self.flow.as_ref().map(|of| of.pixels())];
+        if let Some(given) = of_layers.into_iter().flatten().find(|given| *given != expected) {
+            return Err(RenderError::LayerPixels { given, expected });
         }
         self.joint.as_ref().map_or(Ok(()), |joint| joint.check(&self.mesh, &self.scalars))
     }
@@ -413,6 +419,30 @@ impl RenderJob {
             self.optics = OpticsKind::Exact;
         }
         self
+    }
+
+    /// The job for a renderer that draws splats, or for one that gets their fragments.
+    ///
+    /// # Errors
+    /// If there are more fragments than memory is for.
+    fn with_flow_for(mut self, draws_flow: bool) -> Result<Self, RenderError> {
+        let Some(flow) = self.flow.take() else { return Ok(self) };
+        if draws_flow {
+            self.fragments = flow.others().cloned();
+            // They are counted where they are drawn.
+            (self.stats.flow_fragments, self.stats.flow_outside) = (0, 0);
+            self.flow = Some(flow);
+        } else if self.fragments.is_none() {
+            let (fragments, counts) = flow.fragments(None)?;
+            (self.stats.flow_fragments, self.stats.flow_outside) = (fragments.count() as u64, counts.outside);
+            self.fragments = Some(flow.with_others(Arc::new(fragments)));
+        }
+        Ok(self)
+    }
+
+    /// Whether the frame has other layers before, between and behind the cells.
+    pub(crate) fn has_other_layers(&self) -> bool {
+        self.fragments.is_some() || self.flow.is_some()
     }
 
     /// The view in the mesh's local coordinates: eye subtracted and scaled in f64, so that the offset of the mesh in the
@@ -460,6 +490,7 @@ impl RenderJob {
             joint: None,
             surfaces,
             fragments: None,
+            flow: None,
             formula: None,
             optics: OpticsKind::Exact,
             prepared: None,

@@ -50,9 +50,9 @@ pub struct FrameStats {
     pub flow_fast: u64,
     /// Whether nothing flows: all vectors are 0, or not finite.
     pub flow_still: bool,
-    /// Pixels that splats cover, each counted once a splat.
+    /// Pixels that splats cover, each counted once a splat; where the GPU draws splats, as far as rays are not opaque.
     pub flow_fragments: u64,
-    /// Pixels that splats would cover where they are outside of the cells that are shown.
+    /// Pixels that splats would cover where they are outside of the cells that are shown, as far as `flow_fragments` are counted.
     pub flow_outside: u64,
     /// Milliseconds for the fragments of flow, a part of `ms_order`.
     pub ms_flow: f64,
@@ -191,6 +191,8 @@ impl FrameStats {
         self.rays_stopped_early += part.rays_stopped_early;
         self.out_of_order += part.out_of_order;
         self.broken_paths += part.broken_paths;
+        self.flow_fragments += part.flow_fragments;
+        self.flow_outside += part.flow_outside;
         self.faces_hidden += part.faces_hidden;
         self.entry_faces += part.entry_faces;
         self.entry_lists_kept += part.entry_lists_kept;

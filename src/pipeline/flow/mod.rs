@@ -1,11 +1,14 @@
 //! Layers of flow: their vectors at a time, the way that these have travelled, and their fragments in a view.
 
 mod decode;
+#[cfg(test)]
+#[cfg(feature = "gpu")]
+mod gpu_tests;
 mod order;
 mod travel;
 
 pub(super) use decode::{DecodeFlow, FlowValues};
-pub(super) use order::OrderFlow;
+pub(super) use order::{FlowBy, OrderFlow};
 
 use super::distribution::speeds;
 use super::series::Series;

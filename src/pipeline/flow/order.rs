@@ -8,7 +8,7 @@ use crate::node_table::NodeTable;
 use crate::pipeline::PipelineError;
 use crate::render::LayerFragments;
 use crate::render::cpu::layers::InsideFinder;
-use crate::render::flow::{self, FlowScene, FlowVolume, Kernels, Shapes};
+use crate::render::flow::{self, FlowCounts, FlowScene, FlowSplats, FlowVolume, Kernels, Shapes};
 use crate::render::reference::flow_fragments;
 use crate::stats::FrameStats;
 use crate::task::Cancel;
@@ -33,6 +33,21 @@ pub(in crate::pipeline) struct OrderFlow {
     inside: InsideFinder,
 }
 
+/// What draws a frame's splats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::pipeline) enum FlowBy {
+    /// The judge.
+    Judge,
+    /// A renderer, which draws splats itself or needs their fragments.
+    Renderer {
+        /// Whether it draws splats itself.
+        draws: bool,
+    },
+}
+
+/// The splats of a frame, and the fragments of all of its other layers.
+pub(in crate::pipeline) type Drawn = (Option<Arc<FlowSplats>>, Option<Arc<LayerFragments>>);
+
 /// Frames whose fragments may be needed at once: one is rendered while the next one is ordered.
 const FRAMES: usize = 2;
 
@@ -40,20 +55,20 @@ const FRAMES: usize = 2;
 const MOST_KEPT: usize = 1 << 23;
 
 impl OrderFlow {
-    /// The fragments of a view, by the judge if the frame is the judge's. Splats are in the cells that are shown, or at their vertices; where
-    /// they are the volume they show these scalars by this table.
+    /// The splats of a view, and their fragments among those of other layers, unless the renderer draws splats; of the judge fragments alone.
+    /// Splats are in the cells that are shown, or at their vertices; where they are the volume they show these scalars by this table.
     ///
     /// # Errors
     /// If they are too many, or `Cancelled`.
-    pub(in crate::pipeline) fn fragments(
+    pub(in crate::pipeline) fn draw(
         &mut self,
         values: FlowValues,
         (mesh, cells): (&Arc<Mesh>, &Arc<CellSet>),
         (scalars, table): (&Scalars, &Arc<NodeTable>),
         clips: &[Plane],
-        (local_view, is_judged): (&View, bool),
+        (local_view, by, others): (&View, FlowBy, Option<Arc<LayerFragments>>),
         (stats, cancel): (&mut FrameStats, &Cancel),
-    ) -> Result<Arc<LayerFragments>, PipelineError> {
+    ) -> Result<Drawn, PipelineError> {
         let started = Instant::now();
         let FlowValues { style, held, sites, vectors, travel, mixture, colors } = values;
         if self.of.as_ptr() != Arc::as_ptr(mesh) || self.sites != Some(sites) {
@@ -69,7 +84,7 @@ impl OrderFlow {
             volumes: self.volumes(mesh, sites, style.splats),
         });
         // The judge finds them itself.
-        let inside = match kernels.is_some() || is_judged {
+        let inside = match kernels.is_some() || by == FlowBy::Judge {
             true => None,
             false => {
                 let found = flow::inside(&mut self.inside, (mesh, cells), clips, local_view, cancel);
@@ -92,16 +107,46 @@ impl OrderFlow {
             chosen: style.splats.map(|count| self.chosen(mesh, sites, count)),
             clips: clips.to_vec(),
         };
-        let (fragments, counts) =
-            if is_judged { flow_fragments(&scene, local_view)? } else { scene.fragments(local_view, self.spare())? };
-        (stats.flow_splats, stats.flow_fast) = (counts.splats, counts.fast);
-        (stats.flow_fragments, stats.flow_outside) = (fragments.count() as u64, counts.outside);
+        let drawn = self.drawn_by(by, (&scene, local_view), others, stats)?;
         stats.ms_flow = started.elapsed().as_secs_f64() * 1e3;
+        Ok(drawn)
+    }
+
+    /// What a renderer, or the judge, draws of a scene, among the fragments of other layers.
+    fn drawn_by(
+        &mut self,
+        by: FlowBy,
+        (scene, local_view): (&FlowScene, &View),
+        others: Option<Arc<LayerFragments>>,
+        stats: &mut FrameStats,
+    ) -> Result<Drawn, PipelineError> {
+        let told = |stats: &mut FrameStats, counts: FlowCounts, fragments: usize| {
+            (stats.flow_splats, stats.flow_fast) = (counts.splats, counts.fast);
+            (stats.flow_fragments, stats.flow_outside) = (fragments as u64, counts.outside);
+        };
+        let FlowBy::Renderer { draws } = by else {
+            let (fragments, counts) = flow_fragments(scene, local_view)?;
+            told(stats, counts, fragments.count());
+            let fragments = Arc::new(fragments);
+            let all = others.map_or_else(|| fragments.clone(), |others| Arc::new(others.with(&fragments)));
+            return Ok((None, Some(all)));
+        };
+        let splats = scene.splats(local_view).among(others);
+        if draws {
+            self.release();
+            #[cfg(feature = "gpu")]
+            splats.reach();
+            told(stats, splats.counts(), 0);
+            return Ok((Some(Arc::new(splats)), None));
+        }
+        let (fragments, counts) = splats.fragments(self.spare())?;
+        told(stats, counts, fragments.count());
         let fragments = Arc::new(fragments);
         if fragments.count() <= MOST_KEPT {
             self.drawn.push(fragments.clone());
         }
-        Ok(fragments)
+        let all = splats.with_others(fragments);
+        Ok((Some(Arc::new(splats)), Some(all)))
     }
 
     /// Frees the fragments of frames that have been rendered: the layer is shown no more.

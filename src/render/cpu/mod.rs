@@ -51,7 +51,7 @@ impl TileJob {
 /// Whether nothing is visible in a job with this transfer function, or the job is cancelled.
 fn is_transparent(job: &RenderJob, table: &OpticsTable) -> bool {
     let cells_are_transparent = table.exact().is_transparent() && job.surfaces.is_none() || job.active.count() == 0;
-    cells_are_transparent && job.fragments.is_none() || job.cancel.is_cancelled()
+    cells_are_transparent && !job.has_other_layers() || job.cancel.is_cancelled()
 }
 
 /// A tile renderer, compiled for each medium, and for frames with and without other layers.

@@ -151,6 +151,24 @@ impl IconSums {
         self.whole
     }
 
+    /// Appends the sums as texels: for each level and row those before each texel from half a period before the period to half of one behind
+    /// it, and the texel, of the row and of the next one (`shaders/lib/flow_icons.wgsl`).
+    #[cfg(feature = "gpu")]
+    pub(super) fn push_texels(&self, texels: &mut Vec<[f32; 4]>) {
+        let half = TEXELS as i32 / 2;
+        for rows in &self.levels {
+            for row in 0..TEXELS {
+                let both = [&rows[row], &rows[(row + 1) % TEXELS]];
+                for column in -half..=TEXELS as i32 + half {
+                    let (period, at) = (column.div_euclid(TEXELS as i32), column.rem_euclid(TEXELS as i32) as usize);
+                    let sum = |of: &SumsOfRow| f64::from(of[at][0]) + f64::from(period) * f64::from(of[TEXELS][0]);
+                    let [[before, here], [next_before, next]] = both.map(|of| [sum(of) as f32, of[at][1]]);
+                    texels.push([before, here, next_before, next]);
+                }
+            }
+        }
+    }
+
     /// The level whose rows are at least as many texels as a pixel is across.
     pub(in crate::render) fn level(periods_per_pixel: f64) -> u32 {
         let texels = (periods_per_pixel * TEXELS as f64).clamp(1.0, TEXELS as f64);

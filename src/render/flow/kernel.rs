@@ -79,6 +79,12 @@ impl Kernel {
         Self { color: rgb, depth, opacity, fidelity }
     }
 
+    /// Its colour, its optical depth, and its opacity.
+    #[cfg(feature = "gpu")]
+    pub(super) fn numbers(&self) -> ([f64; 3], f64, f64) {
+        (self.color, self.depth, self.opacity)
+    }
+
     /// Premultiplied colour, and opacity, where the window and the icon have these values.
     #[inline(always)]
     pub(super) fn light(&self, window: f64, icon: f64, icon_color: [f64; 3]) -> [f64; 4] {

@@ -7,19 +7,24 @@
 //! for each site with a vector: its splat on the screen            splat.rs
 //! splats in order of (depth, site)
 //! for each row of pixels: what each splat has there               rows.rs, lanes.rs
+//! or for each tile: its splats, which rays on a GPU draw          lists.rs
 //! ```
 //!
 //! All fragments of a splat are at its centre's depth along the view direction, so that one order holds in every pixel. Those that hang out of
-//! the cells that are shown are left out. They reach the cells as [`LayerFragments`], which every renderer composites between its segments.
+//! the cells that are shown are left out. They reach the cells as [`LayerFragments`](super::LayerFragments), which every renderer composites between
+//! its segments. A GPU finds what its rays see of the splats by itself: the fragments of a frame take some hundred times the memory of its splats.
 
 mod icon;
 mod kernel;
 mod lanes;
+#[cfg(feature = "gpu")]
+mod lists;
 mod mixture;
 mod names;
 mod picture;
 mod rows;
 mod splat;
+mod splats;
 #[cfg(test)]
 mod tests;
 
@@ -27,16 +32,18 @@ pub use icon::Icon;
 pub(in crate::render) use icon::TEXELS;
 pub use kernel::FlowVolume;
 pub(crate) use kernel::Kernels;
+#[cfg(all(test, feature = "gpu"))]
+pub(in crate::render) use lists::layout_of_lists;
 pub(crate) use mixture::Mixture;
 pub use mixture::{FlowIcons, Pattern, Thresholds};
 pub use names::IconName;
 pub use picture::{Picture, Unfit};
 pub(in crate::render) use splat::{COMPRESSED, END, PIXEL};
+pub use splats::FlowSplats;
 
 use super::cpu::layers::{Inside, InsideFinder};
 use super::surfaces::FieldBeside;
-use super::{LayerFragments, RenderError};
-use crate::camera::{Samples, View};
+use crate::camera::View;
 use crate::field::Association;
 use crate::mesh::{Mesh, Plane, Symmetric};
 use crate::random::{hash, unit};
@@ -45,9 +52,7 @@ use crate::visibility::CellSet;
 use crate::words::words;
 use glam::DVec3;
 use icon::IconSums;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use splat::Splat;
 use std::sync::Arc;
 
 /// How splats look.
@@ -330,35 +335,6 @@ impl FlowScene {
     /// Periods in a way that the flow has travelled.
     fn periods(&self, way: f64) -> f64 {
         way * self.style.speed / self.mesh.positions.scale / self.period()
-    }
-
-    /// The fragments of a view in local coordinates, in the memory of others that nobody needs, if there are some.
-    ///
-    /// # Errors
-    /// If there are more than memory is for.
-    pub(crate) fn fragments(
-        &self,
-        view: &View,
-        spare: Option<LayerFragments>,
-    ) -> Result<(LayerFragments, FlowCounts), RenderError> {
-        if let Samples::Pixels(pixels) = &view.samples
-            && let Some((ascending, places)) = pixels.ascending()
-        {
-            let view = View { samples: Samples::Pixels(Arc::new(ascending)), ..view.clone() };
-            return self.fragments(&view, spare).map(|(found, counts)| (found.at(&places), counts));
-        }
-        let seen = |site: u32| Splat::of(self, site, view);
-        let mut splats: Vec<Splat> = self.sites().into_par_iter().filter_map(seen).collect();
-        splats.par_sort_by(|a, b| a.depth.total_cmp(&b.depth).then(a.site.cmp(&b.site)));
-        let Thresholds { first, further } = self.patterns();
-        let icons: Vec<&IconSums> =
-            [&first].into_iter().chain(further.iter().map(|(_, icon)| icon)).map(Pattern::sums).collect();
-        let inside = self.inside(view);
-        let (of_view, per_unit) = ((view, inside.as_deref()), self.mesh.positions.scale);
-        let spare = spare.map(LayerFragments::into_lists).unwrap_or_default();
-        let (fragments, outside) = rows::fragments(&splats, (&icons, self.style.opacity), of_view, per_unit, spare)?;
-        let fast = splats.iter().filter(|splat| FlowCounts::is_fast(splat.blur)).count() as u64;
-        Ok((fragments, FlowCounts { splats: splats.len() as u64, fast, outside }))
     }
 
     /// Where fragments of a view in local coordinates are drawn; `None`: everywhere, as the edge of kernels is the volume's.

@@ -182,7 +182,7 @@ impl Splat {
     }
 
     /// The columns with pixels of it in a row.
-    fn columns(&self, row: usize, width: usize) -> Range<usize> {
+    pub(super) fn columns(&self, row: usize, width: usize) -> Range<usize> {
         let [from, to] = self.ends(&self.line(row as f64 + 0.5 - self.center.y));
         pixels(self.center.x + from, self.center.x + to, width)
     }

@@ -1,4 +1,5 @@
 use super::icon::MEAN;
+use super::splat::Splat;
 use super::*;
 use crate::camera::{Camera, Lattice, PixelSet, Projection, Samples};
 use crate::mesh::test_meshes::{Random, jittered, kuhn_grid};
@@ -6,14 +7,27 @@ use crate::node_table::{Node, NodeTable};
 use crate::render::cpu::raycast::Raycast;
 use crate::render::reference::{Reference, flow_fragments};
 use crate::render::testing::{self, difference, is_within};
-use crate::render::{RenderJob, Renderer};
+use crate::render::{LayerFragments, RenderError, RenderJob, Renderer};
 use glam::DVec2;
 
+#[cfg(feature = "gpu")]
+mod gpu;
 mod mixture;
 mod outside;
 
 fn mesh(side: usize) -> Arc<Mesh> {
     Arc::new(Mesh::build(jittered(kuhn_grid([side; 3]), &mut Random::new(side as u64))).unwrap().0)
+}
+
+impl FlowScene {
+    /// The fragments of a view in local coordinates.
+    fn fragments(
+        &self,
+        view: &View,
+        spare: Option<LayerFragments>,
+    ) -> Result<(LayerFragments, FlowCounts), RenderError> {
+        self.splats(view).fragments(spare)
+    }
 }
 
 /// A field of vectors by a function of local coordinates.

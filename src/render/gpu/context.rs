@@ -30,6 +30,9 @@ pub struct ContextOptions {
     pub binding_bytes: Option<u64>,
     /// Requests no timestamps, even if the adapter has them.
     pub no_timestamps: bool,
+    /// Whether rays draw splats of flow from lists of tiles, or get their fragments from the CPU; `None`: on hardware. Software takes longer
+    /// for the former.
+    pub draws_flow: Option<bool>,
 }
 
 /// Name, driver and kind of an adapter.
@@ -70,6 +73,7 @@ pub struct Context {
     /// Nanoseconds per tick of a timestamp; `None` without timestamps.
     timestamp_period_ns: Option<f64>,
     has_f64: bool,
+    draws_flow: bool,
     fault: Arc<Mutex<Option<Fault>>>,
     created: AtomicU64,
 }
@@ -96,20 +100,15 @@ impl Context {
         let adapter = best(&adapters, options)?;
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor(adapter, options)))
             .map_err(|e| RenderError::NoGpu(format!("{} gives no device: {e}", name_of(&adapter.get_info()))))?;
-        Ok(Self::of_device(adapter, device, queue, options.binding_bytes))
+        Ok(Self::of_device(adapter, device, queue, options))
     }
 
     /// The GPU of a window: a device that was requested with [`descriptor`]. Frames for the window stay on it.
     pub fn of_window(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Self {
-        Self { is_of_window: true, ..Self::of_device(adapter, device, queue, None) }
+        Self { is_of_window: true, ..Self::of_device(adapter, device, queue, &ContextOptions::default()) }
     }
 
-    fn of_device(
-        adapter: &wgpu::Adapter,
-        device: wgpu::Device,
-        queue: wgpu::Queue,
-        binding_bytes: Option<u64>,
-    ) -> Self {
+    fn of_device(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue, options: &ContextOptions) -> Self {
         let has_timestamps = device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
         let fault = Arc::new(Mutex::new(None));
         let keep = |fault: &Arc<Mutex<Option<Fault>>>| {
@@ -131,10 +130,12 @@ impl Context {
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| failed(Fault::Failed(error.to_string()))));
         let limits = device.limits();
         let binding = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let name = name_of(&adapter.get_info());
         Self {
-            name: name_of(&adapter.get_info()),
+            draws_flow: options.draws_flow.unwrap_or(name.is_hardware),
+            name,
             is_of_window: false,
-            binding_bytes: binding_bytes.map_or(binding, |bytes| bytes.min(binding)),
+            binding_bytes: options.binding_bytes.map_or(binding, |bytes| bytes.min(binding)),
             timestamp_period_ns: has_timestamps.then(|| f64::from(queue.get_timestamp_period())),
             has_f64: device.features().contains(wgpu::Features::SHADER_F64),
             fault,
@@ -167,6 +168,11 @@ impl Context {
     /// Whether its shaders may compute in f64.
     pub fn has_f64(&self) -> bool {
         self.has_f64
+    }
+
+    /// Whether rays draw splats of flow from lists of tiles.
+    pub fn draws_flow(&self) -> bool {
+        self.draws_flow
     }
 
     /// Buffers, textures and bind groups made so far: a steady frame makes none.
@@ -206,7 +212,7 @@ impl Context {
         let surfaces_are = |so: fn(&SurfaceScene) -> bool| job.surfaces.as_ref().is_some_and(so);
         let lacking = [
             (
-                job.fragments.is_some() && !job.contrasts().is_empty(),
+                job.has_other_layers() && !job.contrasts().is_empty(),
                 "rays chosen by contrast, together with fragments of other layers",
             ),
             (surfaces_are(|scene| !scene.planes().is_empty()), "cuts"),

@@ -10,7 +10,7 @@ use glam::DVec3;
 pub const TILE_PX: usize = 16;
 
 /// Counters per tile.
-pub const COUNTERS: usize = 8;
+pub const COUNTERS: usize = 9;
 
 /// Bytes of a vertex in view coordinates.
 pub const VIEW_VERTEX_BYTES: u64 = 32;
@@ -396,7 +396,7 @@ pub struct RayLists {
 
 impl RayLists {
     /// Words of the head.
-    pub const HEAD: usize = 34;
+    pub const HEAD: usize = 36;
     /// Word of the number of rays in the list.
     pub const LISTED: usize = 0;
     /// First word of the head that is reset for each contrast: the step.
@@ -496,6 +496,18 @@ pub fn depth_of(parts: [f32; 2]) -> f64 {
 pub fn two_parts(x: f64) -> [f32; 2] {
     let first = x as f32;
     [first, (x - f64::from(first)) as f32]
+}
+
+/// Texels in a row of a texture that holds a list: a quarter of what every device has.
+pub const TEXELS_WIDE: usize = 2048;
+
+/// Base of the numbers of two digits, each of which is an f32.
+pub const COUNT_BASE: u32 = 1 << 16;
+
+/// Two numbers in two digits each.
+pub fn integer_digits(numbers: [u32; 2]) -> [f32; 4] {
+    let [first, second] = numbers.map(|number| [(number / COUNT_BASE) as f32, (number % COUNT_BASE) as f32]);
+    [first[0], first[1], second[0], second[1]]
 }
 
 /// The leading 12 bits of the mantissa.

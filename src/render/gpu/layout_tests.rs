@@ -6,7 +6,7 @@ use super::layout::{
 };
 use super::point_params::{PointParams, point_flags};
 use super::shader_tests::{SPLITS, module, parse, parse_with};
-use super::shaders::{Along, Element, FragmentKind, Gathering, Inside, Pass, Precision, Stage, stages};
+use super::shaders::{Along, Element, FragmentKind, Gathering, Inside, OtherLayers, Pass, Precision, Stage, stages};
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dParams;
 use std::mem::offset_of;
@@ -109,7 +109,7 @@ fn the_parameters_of_the_face_renderer_have_the_same_layout() {
         assert_eq!(members(&module(stage), "ListParams"), (rust.clone(), size_of::<ListParams>()), "{stage:?}");
         checked += 1;
     }
-    assert_eq!(checked, 141);
+    assert_eq!(checked, 165);
 }
 
 #[test]
@@ -183,6 +183,21 @@ fn constants_are_the_same_in_rust_and_in_the_shaders() {
         ("NONE", f64::from(crate::mesh::NONE)),
     ] {
         assert_eq!(value(walk, name), rust, "{name}");
+    }
+}
+
+#[test]
+fn lists_in_textures_have_the_same_layout() {
+    let cells = Along::cells(Gathering::Scalar(OpticsKind::Exact), Inside::Volume);
+    let walk = |layers| module(Stage::Walk(Along { layers, ..cells }, Precision::Single));
+    let of_flow = walk(OtherLayers::Flow);
+    for module in [&walk(OtherLayers::Fragments), &of_flow] {
+        assert_eq!(constant(module, "TEXELS_WIDE"), layout::TEXELS_WIDE as f64);
+        assert_eq!(constant(module, "COUNT_BASE"), f64::from(layout::COUNT_BASE));
+    }
+    #[cfg(feature = "gpu")]
+    for (name, rust) in crate::render::flow::layout_of_lists() {
+        assert_eq!(constant(&of_flow, name) as f32, rust as f32, "{name}");
     }
 }
 

@@ -14,7 +14,7 @@
 //! | decode (codec `vq`) | `decode_vq.wgsl` | a vertex, or a cell that has a scalar |
 //! | view transform | `view_transform.wgsl` | a vertex, or eight cells that have scalars |
 //! | entries | `entries_count.wgsl`, `entries_scan.wgsl`, `entries_store.wgsl` | an entry face; a part of the tiles; an entry face |
-//! | walk and composite | `walk.wgsl` with `lib/optics_intervals.wgsl` and `lib/optics_exact.wgsl` or `lib/optics_partial.wgsl`, or with `lib/optics_table3d.wgsl` or `lib/optics_joint.wgsl`; and `lib/surfaces.wgsl`, or `lib/cell_scalars.wgsl` or `lib/cell_joint.wgsl`; and `lib/fragments_ahead.wgsl`, among other layers | a pixel, a workgroup is a tile |
+//! | walk and composite | `walk.wgsl` with `lib/optics_intervals.wgsl` and `lib/optics_exact.wgsl` or `lib/optics_partial.wgsl`, or with `lib/optics_table3d.wgsl` or `lib/optics_joint.wgsl`; and `lib/surfaces.wgsl`, or `lib/cell_scalars.wgsl` or `lib/cell_joint.wgsl`; and `lib/ahead.wgsl` with `lib/fragments_ahead.wgsl` or `lib/flow_ahead.wgsl`, among other layers | a pixel, a workgroup is a tile |
 //! | count, store (`havs`, `points`) | `fragments_find.wgsl`, `fragments_pieces.wgsl` with `lib/face_hits.wgsl`, `lib/tet_hits.wgsl` or `lib/slab_hits.wgsl` (of `lib/slab_of_cell.wgsl` or `lib/slab_of_ball.wgsl`), and `lib/fragments_count.wgsl` or `lib/fragments_store.wgsl`; `face_starts.wgsl` | a face or a cell; half a row of a tile; a pixel |
 //! | scan (`havs`, `points`) | `fragments_scan.wgsl` | a pixel, a workgroup is a tile |
 //! | sort (of pixels of more than 1,024 fragments) | `fragments_sort.wgsl` | a pair of fragments, a workgroup is a tile |
@@ -68,6 +68,8 @@ mod decode;
 #[cfg(feature = "gpu")]
 mod eye;
 #[cfg(feature = "gpu")]
+mod flow_textures;
+#[cfg(feature = "gpu")]
 mod frame_texture;
 #[cfg(feature = "gpu")]
 mod full_size;
@@ -103,6 +105,8 @@ mod surfaces;
 mod table;
 #[cfg(feature = "gpu")]
 mod target;
+#[cfg(feature = "gpu")]
+mod texels;
 #[cfg(feature = "gpu")]
 pub use frame_texture::FrameTexture;
 

@@ -250,7 +250,7 @@ fn has_been_mapped(mapped: &Mapped) -> bool {
 
 /// Sums of counters as statistics, in the order of shaders/lib/counters.wgsl.
 pub(super) fn counted(sum: [u64; COUNTERS]) -> FrameStats {
-    let [steps, segments, entries, rays_hit, rays_stopped_early, out_of_order, broken_paths, _] = sum;
+    let [steps, segments, entries, rays_hit, rays_stopped_early, out_of_order, broken_paths, drawn, outside] = sum;
     FrameStats {
         steps,
         segments,
@@ -259,6 +259,8 @@ pub(super) fn counted(sum: [u64; COUNTERS]) -> FrameStats {
         rays_stopped_early,
         out_of_order,
         broken_paths,
+        flow_fragments: drawn,
+        flow_outside: outside,
         ..FrameStats::default()
     }
 }

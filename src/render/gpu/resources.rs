@@ -92,6 +92,12 @@ pub enum Resource {
     SmallReference,
     /// Fragments of other layers, by pixels, to be read.
     LayerFragments,
+    /// Splats of flow, by tiles, to be read.
+    FlowLists,
+    /// Sums of the icons of flow, to be read.
+    FlowIcons,
+    /// Where rays are inside of the cells that are shown, by pixels, to be read.
+    FlowInside,
     /// Accumulators of the small image.
     SmallColor,
     /// Depths of the small image.
@@ -200,6 +206,9 @@ impl Resource {
             Self::Reference => ("reference", "layers of depth, 0 to 1", Texture),
             Self::SmallReference => ("small_reference", "layers of depth at the samples, 0 to 1", Texture),
             Self::LayerFragments => ("layer_fragments", "fragments of other layers", Texture),
+            Self::FlowLists => ("flow_lists", "splats of flow", Texture),
+            Self::FlowIcons => ("flow_icons", "icons of flow", Texture),
+            Self::FlowInside => ("flow_inside", "depths inside of cells", Texture),
             Self::SmallColor => ("small_color", "colour of the small image", Texture),
             Self::SmallDepth => ("small_depth", "depth of the small image", Texture),
             Self::EnlargedPlane => ("color_plane", "colour before the filter", Plane(Texel::Rgba32Float)),

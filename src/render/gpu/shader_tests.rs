@@ -3,8 +3,8 @@
 use super::layout::{self};
 use super::resources::{Binding, Kind};
 use super::shaders::{
-    Along, Element, FragmentKind, Gathering, Inside, Moment, Pass, Precision, RECORD_PARTS_MAX, RecordSplit, Stage,
-    Valued, stages,
+    Along, Element, FragmentKind, Gathering, Inside, Moment, OtherLayers, Pass, Precision, RECORD_PARTS_MAX,
+    RecordSplit, Stage, Valued, stages,
 };
 use crate::optics::OpticsKind;
 
@@ -51,7 +51,7 @@ fn every_shader_is_valid_and_has_its_entry_point() {
             checked += 1;
         }
     }
-    assert_eq!(checked, 2 * 235);
+    assert_eq!(checked, 2 * 283);
     // Only those in f64 need a device that has it.
     let exact = Along::cells(Gathering::Scalar(OpticsKind::Exact), Inside::Volume);
     let double = Stage::Walk(exact, Precision::Double).source(SPLITS[0]);
@@ -261,9 +261,11 @@ fn frames_without_surfaces_have_none_of_their_code() {
             _ => None,
         };
         // Other layers cut segments, too.
-        let is_cut = along.is_some_and(|along| along.layers || along.inside == Inside::Surfaces);
+        let is_cut = along.is_some_and(|along| along.layers != OtherLayers::None || along.inside == Inside::Surfaces);
         assert_eq!(has(stage, "fn medium_part"), is_cut, "{stage:?}");
-        assert_eq!(has(stage, "layer_fragments"), along.is_some_and(|along| along.layers), "{stage:?}");
+        let layers = along.map_or(OtherLayers::None, |along| along.layers);
+        assert_eq!(has(stage, "layer_fragments"), layers != OtherLayers::None, "{stage:?}");
+        assert_eq!(has(stage, "flow_lists"), layers == OtherLayers::Flow, "{stage:?}");
         match along.map(|along| along.inside) {
             Some(Inside::Surfaces) => assert!(of_surfaces.iter().all(|name| has(stage, name)), "{stage:?}"),
             Some(Inside::Volume | Inside::Cells) => {

@@ -1,6 +1,8 @@
 //! The stages: their bindings, and their shaders, composed from parts. No other module knows the parts of a stage.
 
-pub use super::variants::{Along, Element, FragmentKind, Gathering, Inside, Moment, Pass, Precision, Toward, Valued};
+pub use super::variants::{
+    Along, Element, FragmentKind, Gathering, Inside, Moment, OtherLayers, Pass, Precision, Toward, Valued,
+};
 
 use super::resources::{Binding, Resource, declarations};
 use super::shader_parts as lib;
@@ -96,7 +98,7 @@ pub fn stages() -> impl Iterator<Item = Stage> {
         let elements = [Element::Face, Element::Tet, Element::Slab, Element::Ball];
         let elements = elements.into_iter().filter(move |element| element.precision(precision) == precision);
         let walks = Along::all().flat_map(move |along| {
-            let listed = (!along.layers).then_some(Stage::WalkRays(along, precision));
+            let listed = (along.layers == OtherLayers::None).then_some(Stage::WalkRays(along, precision));
             [Stage::Walk(along, precision)].into_iter().chain(listed)
         });
         walks.chain(elements.flat_map(move |element| listing(element, precision)))
@@ -115,7 +117,8 @@ fn listing(element: Element, precision: Precision) -> impl Iterator<Item = Stage
     });
     // All points are sorted and resolved alike, and without other layers.
     let resolves = !element.is_slab();
-    let resolving = Along::all().filter(move |along| resolves && (element == Element::Face || !along.layers));
+    let resolving =
+        Along::all().filter(move |along| resolves && (element == Element::Face || along.layers == OtherLayers::None));
     let resolving = resolving.map(move |along| Stage::Resolve(element, along, precision));
     let sorts = resolves && precision == Precision::Single;
     let sorting = sorts.then(|| kinds.map(|kind| Stage::FragmentSort(element, kind)));
@@ -400,13 +403,19 @@ fn gathering(along: Along, precision: Precision) -> Vec<&'static str> {
         (Inside::Surfaces, _) => lib::SURFACES,
     };
     let cut = match how {
-        _ if !layers && inside != Inside::Surfaces => &[][..],
+        _ if layers == OtherLayers::None && inside != Inside::Surfaces => &[][..],
         Gathering::Scalar(_) => &[lib::NO_JOINT_PARTS],
         Gathering::Joint => &[lib::JOINT_PARTS],
     };
-    let ahead = if layers { lib::FRAGMENTS_AHEAD } else { lib::NOTHING_AHEAD };
+    let ahead = match layers {
+        OtherLayers::None => &[lib::NOTHING_AHEAD][..],
+        OtherLayers::Fragments => &[lib::TEXELS, lib::LAYER_FRAGMENTS, lib::FRAGMENTS_AHEAD, lib::AHEAD],
+        OtherLayers::Flow => {
+            &[lib::TEXELS, lib::LAYER_FRAGMENTS, lib::FLOW_ICONS, lib::FLOW_SPLATS, lib::FLOW_AHEAD, lib::AHEAD]
+        }
+    };
     let all = [lib::FRAME, lib::SUMS, lib::MATH, lib::LIGHT, lib::COUNTERS];
-    [&all, &rays(inside, precision)[..], optics, &[met], cut, &[ahead]].concat()
+    [&all, &rays(inside, precision)[..], optics, &[met], cut, ahead].concat()
 }
 
 /// Parts of the stages that walk along rays.

@@ -2,6 +2,7 @@
 
 use super::buffers::{GpuScalars, GrowingBuffer, NUMBERS_PER_VERTEX, VertexBuffers};
 use super::context::Context;
+use super::flow_textures::FlowTextures;
 use super::layer_fragments::LayerTexture;
 use super::layout::{Params, flags};
 use super::pipelines::Pipelines;
@@ -24,6 +25,7 @@ pub(super) struct SharedScene {
     pub(super) table: Table,
     surfaces: SurfaceBuffer,
     layers: LayerTexture,
+    flow: FlowTextures,
     active_of: Option<(Arc<Mesh>, Arc<CellSet>)>,
     active: GrowingBuffer,
     target: Option<Arc<Target>>,
@@ -42,6 +44,7 @@ impl SharedScene {
             table: Table::new(),
             surfaces: SurfaceBuffer::new(),
             layers: LayerTexture::new(),
+            flow: FlowTextures::new(),
             active_of: None,
             active: GrowingBuffer::new(Resource::ActiveCells),
             target: None,
@@ -56,7 +59,7 @@ impl SharedScene {
         self.bytes_sent += bytes;
     }
 
-    /// Begins a job: uploads its vertices, transfer function, surfaces and fragments of other layers unless they are on the GPU, and completes the parameters. The
+    /// Begins a job: uploads its vertices, transfer function, surfaces and other layers unless they are on the GPU, and completes the parameters. The
     /// caller has asked [`Table::is_transparent`].
     pub(super) fn upload(
         &mut self,
@@ -80,6 +83,7 @@ impl SharedScene {
             self.table.update(context, job, map, params)?,
             self.surfaces.update(context, job, map, gradients, has_volume)?,
             self.layers.update(context, job, params)?,
+            self.flow.update(context, job, params)?,
         ];
         uploaded.into_iter().for_each(|uploaded| self.note(uploaded));
         params.vertex_count = job.mesh.positions.local.len() as u32;
@@ -130,7 +134,8 @@ impl SharedScene {
 
     /// The planes that stages may bind.
     pub(super) fn planes(&self) -> Vec<(Resource, &wgpu::TextureView)> {
-        self.target.iter().flat_map(|target| target.planes()).chain(self.layers.view()).collect()
+        let layers = self.layers.view().into_iter().chain(self.flow.views());
+        self.target.iter().flat_map(|target| target.planes()).chain(layers).collect()
     }
 
     /// Writes the parameters, and records decoding, if the scalars are compressed, and the view transform.

@@ -50,7 +50,7 @@ impl Table {
     /// Whether neither cells nor other layers are visible.
     pub(super) fn shows_nothing(&mut self, job: &RenderJob) -> bool {
         let no_cells = job.active.count() == 0 || job.surfaces.is_none() && self.is_transparent(job);
-        no_cells && job.fragments.is_none()
+        no_cells && !job.has_other_layers()
     }
 
     /// Uploads the table of the job's optics, over mapped scalars, and completes the parameters. Returns whether a buffer was made, and the

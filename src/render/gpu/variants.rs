@@ -128,31 +128,69 @@ pub struct Along {
     pub how: Gathering,
     /// What rays meet inside cells.
     pub inside: Inside,
-    /// Whether fragments of other layers lie between segments.
-    pub layers: bool,
+    /// What of other layers lies between segments.
+    pub layers: OtherLayers,
+}
+
+/// What of other layers lies between the segments of rays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OtherLayers {
+    /// Nothing.
+    None,
+    /// Fragments.
+    Fragments,
+    /// Fragments, and splats of flow.
+    Flow,
+}
+
+impl OtherLayers {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::None, Self::Fragments, Self::Flow];
+
+    /// Those of a job.
+    pub fn of(job: &RenderJob) -> Self {
+        match (&job.flow, &job.fragments) {
+            (Some(_), _) => Self::Flow,
+            (None, Some(_)) => Self::Fragments,
+            (None, None) => Self::None,
+        }
+    }
+
+    fn bindings(self) -> &'static [Binding] {
+        const FRAGMENTS: Binding = Binding::Read(Resource::LayerFragments);
+        match self {
+            Self::None => &[],
+            Self::Fragments => &[FRAGMENTS],
+            Self::Flow => &[
+                FRAGMENTS,
+                Binding::Read(Resource::FlowLists),
+                Binding::Read(Resource::FlowIcons),
+                Binding::Read(Resource::FlowInside),
+            ],
+        }
+    }
 }
 
 impl Along {
     /// Segments alone.
     pub const fn cells(how: Gathering, inside: Inside) -> Self {
-        Self { how, inside, layers: false }
+        Self { how, inside, layers: OtherLayers::None }
     }
 
     /// All of them, with other layers and without.
     pub fn all() -> impl Iterator<Item = Self> + Clone {
         let cells = Gathering::ALL.into_iter().flat_map(|how| Inside::ALL.map(|inside| Self::cells(how, inside)));
-        cells.flat_map(|cells| [cells, Self { layers: true, ..cells }])
+        cells.flat_map(|cells| OtherLayers::ALL.map(|layers| Self { layers, ..cells }))
     }
 
     /// What there is along the rays of a job.
     pub fn of(job: &RenderJob) -> Self {
-        Self { how: Gathering::of(job), inside: Inside::of(job), layers: job.fragments.is_some() }
+        Self { how: Gathering::of(job), inside: Inside::of(job), layers: OtherLayers::of(job) }
     }
 
     /// Bindings of what there is between and inside cells, of the walk, and of renderers with lists.
     pub(super) fn bindings(self) -> [Vec<Binding>; 2] {
-        let layers = self.layers.then_some(Binding::Read(Resource::LayerFragments));
-        self.inside.bindings().map(|inside| [self.how.tables(), inside].concat().into_iter().chain(layers).collect())
+        self.inside.bindings().map(|inside| [self.how.tables(), inside, self.layers.bindings()].concat())
     }
 }
 

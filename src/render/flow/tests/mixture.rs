@@ -9,13 +9,13 @@ fn picture() -> Pattern {
 }
 
 /// Strokes, the user's waves and arrows, from these values on.
-fn icons([waves, arrows]: [f64; 2], fade: f64) -> FlowIcons {
+pub(super) fn icons([waves, arrows]: [f64; 2], fade: f64) -> FlowIcons {
     let further = vec![(waves, picture()), (arrows, Pattern::Icon(Icon::Arrows))];
     FlowIcons { icons: Thresholds { first: Pattern::Icon(Icon::Strokes), further }, by: None, fade }
 }
 
 /// The scene of a vortex with these icons, by its speed or by other values.
-fn with_icons(mesh: &Arc<Mesh>, icons: FlowIcons, values: Option<Vec<f32>>) -> FlowScene {
+pub(super) fn with_icons(mesh: &Arc<Mesh>, icons: FlowIcons, values: Option<Vec<f32>>) -> FlowScene {
     let values = values.map(|values| Scalars::Vertices(Arc::new(values)));
     FlowScene { mixture: Some(Mixture { icons, values }), ..scene(mesh, FlowStyle::default(), vortex) }
 }

@@ -5,13 +5,13 @@ use crate::mesh::test_meshes::kuhn_grid_of;
 use glam::DQuat;
 
 /// Two parts, one with a hole through it.
-fn with_gaps() -> Arc<Mesh> {
+pub(super) fn with_gaps() -> Arc<Mesh> {
     let keep = |[x, y, z]: [usize; 3]| x != 3 && !(x == 1 && y == 1) && [x, y, z] != [5, 0, 1];
     Arc::new(Mesh::build(jittered(kuhn_grid_of([6, 3, 3], keep), &mut Random::new(4))).unwrap().0)
 }
 
 /// The scene with these cells alone, and the splats at their vertices.
-fn of_cells(scene: FlowScene, keep: impl Fn(u32) -> bool + Sync) -> FlowScene {
+pub(super) fn of_cells(scene: FlowScene, keep: impl Fn(u32) -> bool + Sync) -> FlowScene {
     let cells = CellSet::of(scene.mesh.topology.tets.len(), |cell| keep(cell as u32));
     let mut shown = vec![false; scene.mesh.positions.local.len()];
     let tets = scene.mesh.topology.tets.iter().enumerate();

@@ -168,6 +168,10 @@ impl<L: LeavesImage> LayerRenderer for AtFullSize<L> {
         advanced
     }
 
+    fn draws_flow(&self) -> bool {
+        self.layer.draws_flow()
+    }
+
     fn preview(&self) -> Option<Contrast> {
         self.layer.preview()
     }

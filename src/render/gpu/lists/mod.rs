@@ -313,7 +313,7 @@ impl<E: Elements> LayerRenderer for FragmentLists<E> {
         self.context.check_job(&job)?;
         let mut params = eye::params(&self.context, &view)?;
         self.bands.clear();
-        if self.scene.shared.table.shows_nothing(&job) || drawn.ids.is_empty() && job.fragments.is_none() {
+        if self.scene.shared.table.shows_nothing(&job) || drawn.ids.is_empty() && !job.has_other_layers() {
             // All pixels are transparent: the frame is complete.
             frame.clear(view.plane_px());
             return Ok(None);
@@ -363,6 +363,10 @@ impl<E: Elements> LayerRenderer for FragmentLists<E> {
                 return Ok(false);
             }
         }
+    }
+
+    fn draws_flow(&self) -> bool {
+        self.context.draws_flow()
     }
 
     fn abandon(&mut self) -> Result<(), RenderError> {

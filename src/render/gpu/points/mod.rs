@@ -88,7 +88,7 @@ impl Elements for PointList {
         if job.surfaces.is_some() && !points.style.is_exact() {
             return Err(context.beyond("isosurfaces among points that are not the cells".to_owned()));
         }
-        if job.fragments.is_some() {
+        if job.has_other_layers() {
             return Err(context.beyond("points together with fragments of other layers".to_owned()));
         }
         if points.style.constant_scalar {

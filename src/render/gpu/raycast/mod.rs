@@ -298,6 +298,10 @@ impl LayerRenderer for CellWalk {
         }
     }
 
+    fn draws_flow(&self) -> bool {
+        self.context.draws_flow()
+    }
+
     fn preview(&self) -> Option<Contrast> {
         self.preview
     }

@@ -1,0 +1,114 @@
+//! Splats of flow in the GPU's memory (`shaders/lib/flow_splats.wgsl`).
+
+use super::context::Context;
+use super::layout::Params;
+use super::resources::Resource;
+use super::texels::TexelList;
+use crate::render::cpu::layers::Inside;
+use crate::render::flow::{FlowSplats, Pattern};
+use crate::render::{RenderError, RenderJob};
+use std::sync::{Arc, Weak};
+
+/// Textures of splats by tiles, of icons, and of depths inside of cells.
+pub(super) struct FlowTextures {
+    /// The splats that are listed, and the depth from which theirs are counted.
+    listed: Option<(Weak<FlowSplats>, u64)>,
+    lists: TexelList,
+    icons_of: Vec<Pattern>,
+    icons: TexelList,
+    inside_of: Option<(Weak<Inside>, u64)>,
+    inside: TexelList,
+}
+
+impl FlowTextures {
+    pub(super) fn new() -> Self {
+        Self {
+            listed: None,
+            lists: TexelList::new(Resource::FlowLists),
+            icons_of: Vec::new(),
+            icons: TexelList::new(Resource::FlowIcons),
+            inside_of: None,
+            inside: TexelList::new(Resource::FlowInside),
+        }
+    }
+
+    /// The textures, as stages bind them.
+    pub(super) fn views(&self) -> impl Iterator<Item = (Resource, &wgpu::TextureView)> {
+        [&self.lists, &self.icons, &self.inside].into_iter().filter_map(TexelList::view)
+    }
+
+    /// Uploads what the splats of a job need, if it has some, unless it is there. Returns whether a texture was made, and the bytes sent.
+    pub(super) fn update(
+        &mut self,
+        context: &Context,
+        job: &RenderJob,
+        params: &Params,
+    ) -> Result<(bool, u64), RenderError> {
+        let Some(flow) = &job.flow else { return Ok((self.release(context)?, 0)) };
+        let origin = params.depth_behind_eye();
+        let parts = [
+            self.update_lists(context, flow, origin)?,
+            self.update_icons(context, flow)?,
+            self.update_inside(context, flow, origin)?,
+        ];
+        Ok((parts.iter().any(|(made, _)| *made), parts.iter().map(|(_, sent)| sent).sum()))
+    }
+
+    /// Frees what splats need.
+    fn release(&mut self, context: &Context) -> Result<bool, RenderError> {
+        (self.listed, self.icons_of, self.inside_of) = (None, Vec::new(), None);
+        let mut made = false;
+        for list in [&mut self.lists, &mut self.icons, &mut self.inside] {
+            made |= list.release(context, false)?;
+        }
+        Ok(made)
+    }
+
+    fn update_lists(
+        &mut self,
+        context: &Context,
+        flow: &Arc<FlowSplats>,
+        origin: f64,
+    ) -> Result<(bool, u64), RenderError> {
+        if is_there(self.listed.as_ref(), flow, origin) {
+            return Ok((false, 0));
+        }
+        self.listed = None;
+        let listed = flow.list(origin, TexelList::most(context), &mut self.lists.texels);
+        listed.map_err(|problem| context.beyond(problem))?;
+        let sent = self.lists.send(context)?;
+        self.listed = Some((Arc::downgrade(flow), origin.to_bits()));
+        Ok(sent)
+    }
+
+    fn update_icons(&mut self, context: &Context, flow: &FlowSplats) -> Result<(bool, u64), RenderError> {
+        if self.icons_of == flow.patterns() {
+            return Ok((false, 0));
+        }
+        self.icons_of.clear();
+        flow.icon_texels(&mut self.icons.texels);
+        let sent = self.icons.send(context)?;
+        self.icons_of = flow.patterns().to_vec();
+        Ok(sent)
+    }
+
+    fn update_inside(&mut self, context: &Context, flow: &FlowSplats, origin: f64) -> Result<(bool, u64), RenderError> {
+        let Some(inside) = flow.inside() else {
+            self.inside_of = None;
+            return Ok((self.inside.release(context, true)?, 0));
+        };
+        if is_there(self.inside_of.as_ref(), inside, origin) {
+            return Ok((false, 0));
+        }
+        self.inside_of = None;
+        flow.inside_texels(origin, &mut self.inside.texels);
+        let sent = self.inside.send(context)?;
+        self.inside_of = Some((Arc::downgrade(inside), origin.to_bits()));
+        Ok(sent)
+    }
+}
+
+/// Whether what was sent is of this, with depths counted from here.
+fn is_there<T>(sent: Option<&(Weak<T>, u64)>, of: &Arc<T>, origin: f64) -> bool {
+    sent.is_some_and(|(sent, from)| sent.as_ptr() == Arc::as_ptr(of) && *from == origin.to_bits())
+}
