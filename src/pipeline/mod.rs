@@ -190,7 +190,10 @@ impl Pipeline {
     /// # Errors
     /// As [`Self::render`], or `Cancelled`.
     pub fn render_unless(&mut self, request: &FrameRequest, cancel: &Cancel) -> Result<&Frame, PipelineError> {
-        let draws_flow = matches!(request.flow(), Ok(Some(_))) && self.renderers.draws_flow(request.backend);
+        // The judge has no use for a GPU.
+        let is_judged = request.tets().is_some_and(|tets| tets.draw.drawn_by().is_reference());
+        let has_flow = matches!(request.flow(), Ok(Some(_))) && !is_judged;
+        let draws_flow = has_flow && self.renderers.draws_flow(request.backend);
         let ordered = self.order(request, draws_flow, cancel)?;
         waste(Slow::LateFrames, frames_before());
         let drawn = self.renderers.render(ordered, request.backend)?;

@@ -12,6 +12,7 @@
 use super::{RenderError, RenderJob};
 use crate::camera::View;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// A point at which a ray passes through a surface of another layer.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -172,6 +173,32 @@ impl LayerFragments {
     pub fn of_pixel(&self, pixel: usize) -> &[LayerFragment] {
         let Span { list, begin, end } = self.pixels[pixel];
         &self.lists[list as usize][begin as usize..end as usize]
+    }
+}
+
+impl RenderJob {
+    /// The job for a renderer that draws splats, or for one that gets their fragments.
+    ///
+    /// # Errors
+    /// If there are more fragments than memory is for.
+    pub(super) fn with_flow_for(mut self, draws_flow: bool) -> Result<Self, RenderError> {
+        let Some(flow) = self.flow.take() else { return Ok(self) };
+        if draws_flow {
+            self.fragments = flow.others().cloned();
+            // They are counted where they are drawn.
+            (self.stats.flow_fragments, self.stats.flow_outside) = (0, 0);
+            self.flow = Some(flow);
+        } else if self.fragments.is_none() {
+            let (fragments, counts) = flow.fragments(None)?;
+            (self.stats.flow_fragments, self.stats.flow_outside) = (fragments.count() as u64, counts.outside);
+            self.fragments = Some(flow.with_others(Arc::new(fragments)));
+        }
+        Ok(self)
+    }
+
+    /// Whether the frame has other layers before, between and behind the cells.
+    pub(crate) fn has_other_layers(&self) -> bool {
+        self.fragments.is_some() || self.flow.is_some()
     }
 }
 

@@ -421,30 +421,6 @@ impl RenderJob {
         self
     }
 
-    /// The job for a renderer that draws splats, or for one that gets their fragments.
-    ///
-    /// # Errors
-    /// If there are more fragments than memory is for.
-    fn with_flow_for(mut self, draws_flow: bool) -> Result<Self, RenderError> {
-        let Some(flow) = self.flow.take() else { return Ok(self) };
-        if draws_flow {
-            self.fragments = flow.others().cloned();
-            // They are counted where they are drawn.
-            (self.stats.flow_fragments, self.stats.flow_outside) = (0, 0);
-            self.flow = Some(flow);
-        } else if self.fragments.is_none() {
-            let (fragments, counts) = flow.fragments(None)?;
-            (self.stats.flow_fragments, self.stats.flow_outside) = (fragments.count() as u64, counts.outside);
-            self.fragments = Some(flow.with_others(Arc::new(fragments)));
-        }
-        Ok(self)
-    }
-
-    /// Whether the frame has other layers before, between and behind the cells.
-    pub(crate) fn has_other_layers(&self) -> bool {
-        self.fragments.is_some() || self.flow.is_some()
-    }
-
     /// The view in the mesh's local coordinates: eye subtracted and scaled in f64, so that the offset of the mesh in the
     /// world costs no accuracy. Depths and lengths in it are local: world lengths divided by the scale.
     pub fn local_view(&self) -> View {

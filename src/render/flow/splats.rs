@@ -124,3 +124,15 @@ impl FlowSplats {
         }
     }
 }
+
+#[cfg(test)]
+impl FlowScene {
+    /// The fragments of a view in local coordinates.
+    pub(super) fn fragments(
+        &self,
+        view: &View,
+        spare: Option<LayerFragments>,
+    ) -> Result<(LayerFragments, FlowCounts), RenderError> {
+        self.splats(view).fragments(spare)
+    }
+}

@@ -7,7 +7,7 @@ use crate::node_table::{Node, NodeTable};
 use crate::render::cpu::raycast::Raycast;
 use crate::render::reference::{Reference, flow_fragments};
 use crate::render::testing::{self, difference, is_within};
-use crate::render::{LayerFragments, RenderError, RenderJob, Renderer};
+use crate::render::{LayerFragments, RenderJob, Renderer};
 use glam::DVec2;
 
 #[cfg(feature = "gpu")]
@@ -17,17 +17,6 @@ mod outside;
 
 fn mesh(side: usize) -> Arc<Mesh> {
     Arc::new(Mesh::build(jittered(kuhn_grid([side; 3]), &mut Random::new(side as u64))).unwrap().0)
-}
-
-impl FlowScene {
-    /// The fragments of a view in local coordinates.
-    fn fragments(
-        &self,
-        view: &View,
-        spare: Option<LayerFragments>,
-    ) -> Result<(LayerFragments, FlowCounts), RenderError> {
-        self.splats(view).fragments(spare)
-    }
 }
 
 /// A field of vectors by a function of local coordinates.

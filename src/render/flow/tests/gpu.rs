@@ -7,7 +7,7 @@ use crate::mesh::NONE;
 use crate::render::cpu::havs::Havs;
 use crate::render::gpu::context::{Context, ContextOptions, Tier};
 use crate::render::gpu::{havs, raycast, test_common};
-use crate::render::{Frame, LayerFragment};
+use crate::render::{Frame, LayerFragment, RenderError};
 use crate::stats::FrameStats;
 use crate::visibility::Drawn;
 
