@@ -116,7 +116,7 @@ fn rays_draw_from_lists_what_fragments_show() {
     for (camera, view) in cameras(&mesh).into_iter().zip(["outside", "parallel", "wide", "inside"]) {
         let job = job(&mesh, &camera, (75, 43));
         let clear = RenderJob { table: Arc::new(NodeTable::transparent()), ..job.clone() };
-        for (name, scene) in scenes(&mesh, &job) {
+        for (number, (name, scene)) in scenes(&mesh, &job).into_iter().enumerate() {
             let name = format!("{view}, {name}");
             let [alone, others] = [&scene, &later(&scene)].map(|scene| with_flow(&clear, scene));
             for [found, expected] in renderers.compare(&format!("{name}, no volume"), &alone, &others) {
@@ -130,8 +130,11 @@ fn rays_draw_from_lists_what_fragments_show() {
             if scene.kernels.is_none() {
                 let [all, others] = [&scene, &later(&scene)].map(|scene| with_flow(&job, scene));
                 renderers.compare(&name, &all, &others);
-                let cut = with_flow(&job, &FlowScene { clips: clips.clone(), ..scene });
-                renderers.compare(&format!("{name}, clipped"), &cut, &all);
+                // Clips cut all alike.
+                if number % 3 == 0 {
+                    let cut = with_flow(&job, &FlowScene { clips: clips.clone(), ..scene });
+                    renderers.compare(&format!("{name}, clipped"), &cut, &all);
+                }
             }
         }
     }
