@@ -156,6 +156,13 @@ impl FrameRequest {
         !self.guides && self.upsampling.is_none() && self.tets().is_some_and(may)
     }
 
+    /// Whether few rays may have the details of an earlier frame ([`ResidualRequest`](super::ResidualRequest)): rays may be left out, and
+    /// all that is seen is in the cells. Patterns of flow move on.
+    pub fn may_have_details(&self) -> bool {
+        let is_of_cells = self.tets().is_some_and(|tets| tets.domain.is_empty());
+        self.may_leave_rays_out() && is_of_cells && !self.layers.iter().any(|layer| layer.flow().is_some())
+    }
+
     /// Whether its cells are drawn as points, of which some may be left out: without isosurfaces and sections, which lie in the cells
     /// themselves.
     pub fn may_leave_points_out(&self) -> bool {

@@ -83,12 +83,11 @@ impl AddDetails {
     /// Refuses requests that cannot use details.
     pub(super) fn check(request: &FrameRequest, by: DrawnBy) -> Result<(), RequestError> {
         let Some(residual) = &request.residual else { return Ok(()) };
-        let has_domain = request.tets().is_some_and(|tets| !tets.domain.is_empty());
-        let is_whole = request.samples == SampleSet::All && request.upsampling.is_none() && !has_domain;
+        let is_whole = request.samples == SampleSet::All && request.upsampling.is_none();
         let problem = match by {
             _ if residual.base.size_px() != request.size_px => "they are of an image of another size",
-            DrawnBy::Raycast if is_whole && request.may_leave_rays_out() => return Ok(()),
-            _ => "they are for rays from cell to cell of a whole image without surfaces of the domain",
+            DrawnBy::Raycast if is_whole && request.may_have_details() => return Ok(()),
+            _ => "they are for rays from cell to cell of a whole image without surfaces of the domain and without flow",
         };
         Err(RequestError::Details(problem))
     }

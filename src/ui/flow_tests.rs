@@ -1,14 +1,15 @@
 //! Flow in a session.
 
-use super::desk::Desk;
+use super::desk::{Desk, slow};
 use super::tracks::{KeyAction, KeyValue, Track};
 use super::worker::tests::wait_for;
 use super::{Action, NoticeKind};
 use crate::calculator::calculated;
 use crate::ingest::{IngestOptions, ingest};
 use crate::look::FlowLook;
-use crate::pipeline::{FlowLayer, Series};
-use crate::playback::{Command, Mode};
+use crate::pipeline::{FlowLayer, FrameRequest, Pipeline, ResidualBase, ResidualRequest, SampleSet, Series};
+use crate::playback::quality::{Family, Quality};
+use crate::playback::{Command, Loop, Mode};
 use crate::render::flow::{FlowIcons, FlowStyle, Icon, IconName, Thresholds};
 use crate::render::surfaces::ByField;
 use crate::store::Store;
@@ -257,4 +258,29 @@ fn the_next_icon_takes_the_place_of_several_and_a_project_names_a_picture_by_its
     assert_eq!(desk.session.to_project("a.toml".as_ref()).flow.unwrap().by, None);
     desk.act(Action::Undo);
     assert_eq!(desk.session.look().flow, Some(several));
+}
+
+#[test]
+fn flow_that_plays_has_no_details_of_earlier_frames() {
+    let mut desk = desk();
+    desk.session.set_viewport(120, 90);
+    desk.act(Action::TargetRate(Some(25.0)));
+    desk.act(Action::GiveUp(Some(Family::Details)));
+    desk.act(Action::Play(Command::Loop(Loop::All)));
+    desk.act(Action::Play(Command::Play));
+    for _ in 0..4 {
+        // A frame in full seems to take four times as long as there is.
+        slow(&mut desk, 160.0);
+        let before = desk.step();
+        desk.later(1000);
+        desk.settle();
+        assert!(desk.step() != before && desk.shown().quality != Quality::Details);
+        assert!(flow(&desk).is_some() && desk.shown().request.residual.is_none());
+    }
+    assert!(desk.session.notices().iter().all(|notice| notice.kind != NoticeKind::Error));
+    // Who asks for them is told.
+    let residual = Some(ResidualRequest { base: ResidualBase::exact(desk.shown().frame.clone()), anew: 0..1 });
+    let request = FrameRequest { residual, samples: SampleSet::All, ..desk.shown().request.clone() };
+    let refused = Pipeline::new(desk.session.series().clone()).render(&request).map(|_| ()).unwrap_err().to_string();
+    assert!(refused.contains("without flow"), "{refused}");
 }
