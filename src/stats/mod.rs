@@ -54,7 +54,7 @@ pub struct FrameStats {
     pub flow_fragments: u64,
     /// Pixels that splats would cover where they are outside of the cells that are shown, as far as `flow_fragments` are counted.
     pub flow_outside: u64,
-    /// Milliseconds for the fragments of flow, a part of `ms_order`.
+    /// Milliseconds for the splats of flow and their fragments, a part of `ms_order`.
     pub ms_flow: f64,
     /// Functions that a pixel's ray may meet in front of the eye.
     pub functions_drawn: u64,

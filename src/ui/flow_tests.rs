@@ -1,6 +1,6 @@
 //! Flow in a session.
 
-use super::desk::{Desk, slow};
+use super::desk::Desk;
 use super::tracks::{KeyAction, KeyValue, Track};
 use super::worker::tests::wait_for;
 use super::{Action, NoticeKind};
@@ -8,8 +8,7 @@ use crate::calculator::calculated;
 use crate::ingest::{IngestOptions, ingest};
 use crate::look::FlowLook;
 use crate::pipeline::{FlowLayer, FrameRequest, Pipeline, ResidualBase, ResidualRequest, SampleSet, Series};
-use crate::playback::quality::{Family, Quality};
-use crate::playback::{Command, Loop, Mode};
+use crate::playback::{Command, Mode};
 use crate::render::flow::{FlowIcons, FlowStyle, Icon, IconName, Thresholds};
 use crate::render::surfaces::ByField;
 use crate::store::Store;
@@ -261,26 +260,17 @@ fn the_next_icon_takes_the_place_of_several_and_a_project_names_a_picture_by_its
 }
 
 #[test]
-fn flow_that_plays_has_no_details_of_earlier_frames() {
-    let mut desk = desk();
-    desk.session.set_viewport(120, 90);
-    desk.act(Action::TargetRate(Some(25.0)));
-    desk.act(Action::GiveUp(Some(Family::Details)));
-    desk.act(Action::Play(Command::Loop(Loop::All)));
-    desk.act(Action::Play(Command::Play));
-    for _ in 0..4 {
-        // A frame in full seems to take four times as long as there is.
-        slow(&mut desk, 160.0);
-        let before = desk.step();
-        desk.later(1000);
-        desk.settle();
-        assert!(desk.step() != before && desk.shown().quality != Quality::Details);
-        assert!(flow(&desk).is_some() && desk.shown().request.residual.is_none());
-    }
-    assert!(desk.session.notices().iter().all(|notice| notice.kind != NoticeKind::Error));
-    // Who asks for them is told.
-    let residual = Some(ResidualRequest { base: ResidualBase::exact(desk.shown().frame.clone()), anew: 0..1 });
-    let request = FrameRequest { residual, samples: SampleSet::All, ..desk.shown().request.clone() };
-    let refused = Pipeline::new(desk.session.series().clone()).render(&request).map(|_| ()).unwrap_err().to_string();
+fn frames_with_flow_have_no_details_of_earlier_ones() {
+    let desk = desk();
+    let (request, frame) = (desk.shown().request.clone(), desk.shown().frame.clone());
+    let mut without = request.clone();
+    without.layers.retain(|layer| layer.flow().is_none());
+    assert!(without.may_have_details() && !request.may_have_details());
+    let residual = Some(ResidualRequest { base: ResidualBase::exact(frame), anew: 0..1 });
+    let mut pipeline = Pipeline::new(desk.session.series().clone());
+    let mut render = |request: FrameRequest| pipeline.render(&request).map(|_| ()).map_err(|why| why.to_string());
+    let with_details = |request| FrameRequest { residual: residual.clone(), samples: SampleSet::All, ..request };
+    assert_eq!(render(with_details(without)), Ok(()));
+    let refused = render(with_details(request)).unwrap_err();
     assert!(refused.contains("without flow"), "{refused}");
 }

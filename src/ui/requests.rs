@@ -101,8 +101,7 @@ impl Requests {
         };
         let request = FrameRequest { for_window: self.for_window, ..request };
         let has_rays = request.may_leave_rays_out();
-        let may_have_details = request.may_have_details();
-        let has_details = may_have_details && self.still.as_ref().is_some_and(|still| still.is_of(&request));
+        let has_details = request.may_have_details() && self.still.as_ref().is_some_and(|still| still.is_of(&request));
         let has_points = request.may_leave_points_out();
         let quality = choose(Drawing { mode, lod, has_rays, has_details, has_points });
         let still = self.still.as_mut().filter(|_| quality == Quality::Details);

@@ -3,20 +3,19 @@
 use super::context::Context;
 use super::layout::Params;
 use super::resources::Resource;
-use super::texels::TexelList;
+use super::texels::{Sent, TexelList};
 use crate::render::cpu::layers::Inside;
 use crate::render::flow::{FlowSplats, Pattern};
 use crate::render::{RenderError, RenderJob};
-use std::sync::{Arc, Weak};
+use std::sync::Arc;
 
 /// Textures of splats by tiles, of icons, and of depths inside of cells.
 pub(super) struct FlowTextures {
-    /// The splats that are listed, and the depth from which theirs are counted.
-    listed: Option<(Weak<FlowSplats>, u64)>,
+    listed: Option<Sent<FlowSplats>>,
     lists: TexelList,
     icons_of: Vec<Pattern>,
     icons: TexelList,
-    inside_of: Option<(Weak<Inside>, u64)>,
+    inside_of: Option<Sent<Inside>>,
     inside: TexelList,
 }
 
@@ -70,14 +69,14 @@ impl FlowTextures {
         flow: &Arc<FlowSplats>,
         origin: f64,
     ) -> Result<(bool, u64), RenderError> {
-        if is_there(self.listed.as_ref(), flow, origin) {
+        if self.listed.as_ref().is_some_and(|sent| sent.is_of(flow, origin)) {
             return Ok((false, 0));
         }
         self.listed = None;
         let listed = flow.list(origin, TexelList::most(context), &mut self.lists.texels);
         listed.map_err(|problem| context.beyond(problem))?;
         let sent = self.lists.send(context)?;
-        self.listed = Some((Arc::downgrade(flow), origin.to_bits()));
+        self.listed = Some(Sent::new(flow, origin));
         Ok(sent)
     }
 
@@ -97,18 +96,13 @@ impl FlowTextures {
             self.inside_of = None;
             return Ok((self.inside.release(context, true)?, 0));
         };
-        if is_there(self.inside_of.as_ref(), inside, origin) {
+        if self.inside_of.as_ref().is_some_and(|sent| sent.is_of(inside, origin)) {
             return Ok((false, 0));
         }
         self.inside_of = None;
         flow.inside_texels(origin, &mut self.inside.texels);
         let sent = self.inside.send(context)?;
-        self.inside_of = Some((Arc::downgrade(inside), origin.to_bits()));
+        self.inside_of = Some(Sent::new(inside, origin));
         Ok(sent)
     }
-}
-
-/// Whether what was sent is of this, with depths counted from here.
-fn is_there<T>(sent: Option<&(Weak<T>, u64)>, of: &Arc<T>, origin: f64) -> bool {
-    sent.is_some_and(|(sent, from)| sent.as_ptr() == Arc::as_ptr(of) && *from == origin.to_bits())
 }

@@ -3,17 +3,15 @@
 use super::context::Context;
 use super::layout::{Params, TEXELS_WIDE, integer_digits, two_parts};
 use super::resources::Resource;
-use super::texels::{Texel, TexelList};
+use super::texels::{Sent, Texel, TexelList};
 use crate::render::{LayerFragment, LayerFragments, RenderError, RenderJob};
-use std::sync::{Arc, Weak};
 
 /// Texels of a fragment.
 const FRAGMENT_TEXELS: usize = 2;
 
 /// A texture of fragments: for each pixel where they begin and how many they are, then the fragments.
 pub(super) struct LayerTexture {
-    /// The fragments that it holds, and the depth from which theirs are counted.
-    sent: Option<(Weak<LayerFragments>, u64)>,
+    sent: Option<Sent<LayerFragments>>,
     list: TexelList,
 }
 
@@ -39,10 +37,7 @@ impl LayerTexture {
             return Ok((self.list.release(context, job.flow.is_some())?, 0));
         };
         let origin = params.depth_behind_eye();
-        let is_there = |(of, from): &(Weak<LayerFragments>, u64)| {
-            of.as_ptr() == Arc::as_ptr(fragments) && *from == origin.to_bits()
-        };
-        if self.sent.as_ref().is_some_and(is_there) {
+        if self.sent.as_ref().is_some_and(|sent| sent.is_of(fragments, origin)) {
             return Ok((false, 0));
         }
         self.sent = None;
@@ -50,7 +45,7 @@ impl LayerTexture {
         let per_world = 1.0 / job.mesh.positions.scale;
         pack(fragments, view.near_depth(), per_world, origin, &mut self.list.texels);
         let sent = self.list.send(context)?;
-        self.sent = Some((Arc::downgrade(fragments), origin.to_bits()));
+        self.sent = Some(Sent::new(fragments, origin));
         Ok(sent)
     }
 }

@@ -4,6 +4,7 @@ use super::context::Context;
 use super::layout::TEXELS_WIDE;
 use super::resources::Resource;
 use crate::render::RenderError;
+use std::sync::{Arc, Weak};
 
 /// Four numbers.
 pub(super) type Texel = [f32; 4];
@@ -84,6 +85,23 @@ impl TexelList {
         context.count_created(1);
         self.texture = Some((texture, view));
         Ok(true)
+    }
+}
+
+/// What a list was made of, with depths counted from a place.
+pub(super) struct Sent<T> {
+    of: Weak<T>,
+    origin: f64,
+}
+
+impl<T> Sent<T> {
+    pub(super) fn new(of: &Arc<T>, origin: f64) -> Self {
+        Self { of: Arc::downgrade(of), origin }
+    }
+
+    /// Compares by pointer, and the place to the bit.
+    pub(super) fn is_of(&self, of: &Arc<T>, origin: f64) -> bool {
+        self.of.as_ptr() == Arc::as_ptr(of) && self.origin.to_bits() == origin.to_bits()
     }
 }
 
