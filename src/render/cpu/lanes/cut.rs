@@ -238,8 +238,8 @@ impl<L: Lanes, K: Lights, A: Ahead, F: Fn(usize) -> A> Lights for CutLights<'_, 
         self.flush(out);
     }
 
-    fn begin(&mut self, lane: usize, line: RayLine, pixel: Option<usize>) {
-        self.lights.begin(lane, line, pixel);
+    fn begin(&mut self, lane: usize, line: RayLine, pixel: Option<usize>, out: &Out<'_>) {
+        self.lights.begin(lane, line, pixel, out);
         self.look_at(lane, pixel);
     }
 

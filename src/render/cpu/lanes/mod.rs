@@ -13,6 +13,7 @@
 pub(in crate::render::cpu) mod cut;
 pub(in crate::render::cpu) mod exact;
 pub(in crate::render::cpu) mod rows;
+pub(in crate::render::cpu) mod segments;
 pub(in crate::render::cpu) mod vector;
 
 use super::super::medium::RayLine;
@@ -45,7 +46,7 @@ pub(in crate::render::cpu) fn composite<R: Rays, K: Lights>(
     for lane in 0..LANES {
         if let Some(line) = rays.next(lane) {
             alive |= 1 << lane;
-            lights.begin(lane, line, rays.pixel(lane));
+            lights.begin(lane, line, rays.pixel(lane), out);
         }
     }
     while alive != 0 {
@@ -71,7 +72,7 @@ pub(in crate::render::cpu) fn composite<R: Rays, K: Lights>(
             if next.is_none() {
                 alive &= !(1 << lane);
             }
-            lights.begin(lane, next.unwrap_or_default(), rays.pixel(lane));
+            lights.begin(lane, next.unwrap_or_default(), rays.pixel(lane), out);
         }
     }
 }

@@ -113,9 +113,21 @@ impl Rows {
     }
 }
 
+/// What is known of a ray that goes on later, besides its pixel.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::render::cpu) struct Unfinished {
+    /// As in [`Accumulator`](crate::optics::Accumulator).
+    pub(in crate::render::cpu) transmittance: f32,
+    pub(in crate::render::cpu) carried: f32,
+    /// Depth from which nothing is visible; infinite if there is none.
+    pub(in crate::render::cpu) opaque_from: f64,
+}
+
 /// Output of finished rays.
 pub(in crate::render::cpu) struct Out<'a> {
     pub(in crate::render::cpu) pixels: &'a mut [TilePixel],
+    /// What else is known of the rays of pixels that go on later; `None` if all of a ray comes at once.
+    pub(in crate::render::cpu) unfinished: Option<&'a mut [Unfinished]>,
     pub(in crate::render::cpu) stats: &'a mut FrameStats,
     /// Whether rays end once opaque: further steps are then not counted.
     pub(in crate::render::cpu) early_termination: bool,
@@ -142,8 +154,8 @@ pub(in crate::render::cpu) trait Lights {
     /// Composites all rows.
     fn composite(&mut self, rows: &mut Rows, out: &mut Out<'_>);
 
-    /// Starts a ray without light in a lane, with the pixel if there is a ray.
-    fn begin(&mut self, lane: usize, line: RayLine, pixel: Option<usize>);
+    /// Starts a ray in a lane, with the pixel if there is a ray: without light, unless it was unfinished.
+    fn begin(&mut self, lane: usize, line: RayLine, pixel: Option<usize>, out: &Out<'_>);
 
     /// Outputs the light of a finished ray.
     fn finish(&mut self, lane: usize, out: &mut Out<'_>, pixel: usize);

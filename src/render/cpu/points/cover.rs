@@ -3,11 +3,12 @@
 use super::super::super::medium::RayPoint;
 use super::super::raster::TileRays;
 use super::super::raster::boxes::Bounds;
+use super::super::raster::fragments::PIXELS;
 use super::super::raster::lanes::{BLOCK, Lanes, PixelList};
 use super::super::raster::lists::TileItem;
 use super::super::ray::ViewVertex;
 use super::super::tiles::{TILE_PX, TileBits};
-use super::fragment::{Fragment, Fragments, PIXELS};
+use super::fragment::{self, Fragment, Fragments};
 use super::shape::{Point, Shape, ShapeSource};
 use super::tets::{Corners, Ends, TETS_AT_ONCE, Tets};
 use super::tile::Scene;
@@ -167,9 +168,9 @@ impl Finder<'_> {
                     which &= lanes.less_f64([0.0; 8], ends.depth[1]);
                 }
                 if are_as_hit && longer == 1.0 {
-                    found.push_some(cell, which, pixels, ends);
+                    fragment::push_some(found, cell, which, pixels, ends);
                 } else {
-                    found.push_some(cell, which, pixels, &styled(ends, style, (middle, longer)));
+                    fragment::push_some(found, cell, which, pixels, &styled(ends, style, (middle, longer)));
                 }
             });
         }
@@ -187,7 +188,7 @@ impl Finder<'_> {
                 asked &= asked - 1;
                 if let Some(slab) = point.slab(self.source, rays.at(pixel)) {
                     let depth = [slab.middle, if is_gap { slab.middle } else { slab.thickness }];
-                    found.push(pixel, Fragment { depth, scalar: [slab.scalar; 2], cell: point.cell });
+                    fragment::push(found, pixel, Fragment { depth, scalar: [slab.scalar; 2], cell: point.cell });
                 }
             }
         }

@@ -18,7 +18,7 @@ fn counted(mut renderer: Points, job: &RenderJob) -> (Planes, [u64; 5]) {
 }
 
 /// A grid of cells; torn; or two at the same place, so that cells overlap.
-fn mesh_of(case: usize, random: &mut Random) -> Arc<Mesh> {
+pub(in crate::render::cpu) fn mesh_of(case: usize, random: &mut Random) -> Arc<Mesh> {
     let mut raw = jittered(kuhn_grid([4, 3, 5]), random);
     if case % 3 == 2 {
         let other = jittered(kuhn_grid([4, 3, 5]), random);

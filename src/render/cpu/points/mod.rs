@@ -7,7 +7,7 @@
 //!   for each of its cells, nearer ones first: shape from the corners, recomputed here               shape, tets
 //!     for each pixel that it covers:          fragment = depths, scalars, cell                      cover
 //!   fragments by pixel, those of a pixel by depth                                                   fragment
-//!   for each pixel: composite them, nearest first                                                   tile, lights
+//!   for each pixel: composite them, nearest first                                                   tile
 //! ```
 //!
 //! **Footprints** ([`shape`]). *Square* and *circle* are of the sphere about the centroid through the farthest corner (the text has no
@@ -48,20 +48,18 @@
 //! 2. Tets are made ready for a tile eight at a time, and hit by sixteen pixels at a time in f32, eight in f64 ([`tets`]).
 //! 3. The points of a tile are sorted by their least depth, and the fragments of a pixel by insertion: few are moved far.
 //! 4. If points are cells, integrated exactly and without other layers, eight rays are composited side by side
-//!    ([`lights`], [`lanes`](super::lanes)), as in the ray caster.
+//!    ([`lanes`](super::lanes)), as in the ray caster.
 
 #[cfg(test)]
 mod cloud_tests;
 mod cover;
 mod fragment;
 #[cfg(test)]
-mod lanes_tests;
-#[cfg(target_arch = "x86_64")]
-mod lights;
+pub(super) mod lanes_tests;
 mod place;
 mod shape;
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
 mod tet;
 mod tets;
 #[cfg(test)]

@@ -2,10 +2,10 @@
 
 use super::super::raster::TileRays;
 use super::super::raster::boxes::Bounds;
+use super::super::raster::fragments::PIXELS;
 use super::super::raster::lanes::{BLOCK, Lanes};
 use super::super::ray::{Ray, ViewVertex, crossing, transform};
 use super::super::raycast::entries::face_of;
-use super::fragment::PIXELS;
 use super::tests::{built, cameras, dense, job_of};
 use super::tets::{Corners, TETS_AT_ONCE, Tets};
 use crate::camera::View;

@@ -2,17 +2,20 @@
 
 use super::super::super::layers::{Ahead, Layers};
 use super::super::super::medium::{Medium, RayPoint, Segment};
+#[cfg(target_arch = "x86_64")]
+use super::super::lanes::segments::{RowScratch, SegmentRays, SegmentsByPixel, Target};
 use super::super::light::RayLight;
 use super::super::raster::TileRays;
 use super::super::raster::boxes::Bounds;
+use super::super::raster::fragments::PIXELS;
+#[cfg(target_arch = "x86_64")]
+use super::super::raster::fragments::SegmentEnds;
 use super::super::raster::lists::Bins;
 use super::super::ray::Ray;
 use super::super::tiles::{PixelRect, TILE_PX, TileBits, TilePixel};
 use super::super::values::ValuesOnRay;
 use super::cover::CoverScratch;
-use super::fragment::{Fragment, Fragments, FragmentsByPixel};
-#[cfg(target_arch = "x86_64")]
-use super::lights::{FragmentRays, RowScratch};
+use super::fragment::{self, Fragment, Fragments, FragmentsByPixel};
 use super::shape::ShapeSource;
 use crate::mesh::Topology;
 use crate::optics::Accumulator;
@@ -20,9 +23,8 @@ use crate::render::points::{Compositing, Footprint, PointStyle};
 use crate::stats::FrameStats;
 use crate::task::Cancel;
 use pulp::Arch;
-
-/// Pixels of a tile.
-pub(super) const PIXELS: usize = TILE_PX * TILE_PX;
+#[cfg(target_arch = "x86_64")]
+use std::ops::Range;
 
 /// Fragments of a tile in memory at a time, as bounded by boxes: 15 MB a thread.
 const FRAGMENTS_AT_ONCE: usize = 1 << 18;
@@ -49,6 +51,30 @@ pub(super) struct TileScratch {
     rows: RowScratch,
 }
 
+/// The segments of rays in cells.
+#[cfg(target_arch = "x86_64")]
+struct Segments<'a> {
+    fragments: FragmentsByPixel<'a>,
+    /// One scalar per cell, instead of those of fragments.
+    scalars: Option<&'a [f32]>,
+}
+
+#[cfg(target_arch = "x86_64")]
+impl SegmentsByPixel for Segments<'_> {
+    fn range(&self, pixel: usize) -> Range<usize> {
+        self.fragments.range(pixel)
+    }
+
+    #[inline(always)]
+    fn some(&self, range: Range<usize>) -> impl Iterator<Item = SegmentEnds> {
+        let scalars = self.scalars;
+        self.fragments.some(range).map(move |(ends, cell)| match scalars {
+            None => ends,
+            Some(scalars) => SegmentEnds { scalar: [f64::from(scalars[cell as usize]); 2], ..ends },
+        })
+    }
+}
+
 impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
     /// Renders one tile into the first pixels of `pixels`, row by row; returns its statistics.
     pub(super) fn render(&self, tile: usize, scratch: &mut TileScratch, pixels: &mut [TilePixel]) -> FrameStats {
@@ -69,11 +95,15 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
                 break;
             }
             stats.fragments += scratch.fragments.len() as u64;
-            let fragments = scratch.fragments.by_pixel(self.source.style.exact_order);
+            let fragments = match self.source.style.exact_order {
+                true => scratch.fragments.by_pixel(fragment::sort),
+                false => scratch.fragments.by_pixel(|_, _| ()),
+            };
             #[cfg(target_arch = "x86_64")]
             if let Some(table) = self.medium.exact_table().filter(|_| self.are_cut() && !has_layers) {
-                let in_lanes = FragmentRays::new((view, &rays), &fragments, self.medium.cell_scalars());
-                let into = (&mut scratch.rows, &mut *pixels);
+                let segments = Segments { fragments, scalars: self.medium.cell_scalars() };
+                let into = Target { scratch: &mut scratch.rows, pixels, unfinished: None };
+                let in_lanes = SegmentRays::new((view, &rays), segments);
                 if let Some(counts) = in_lanes.composite(self.arch, table, self.early_termination, into) {
                     stats.add_counts(&counts);
                     continue;
@@ -111,7 +141,7 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
             }
             return;
         }
-        let light = self.light(&rays.ray(self.source.view, pixel), fragments.some(range), ahead);
+        let light = self.light(&rays.ray(self.source.view, pixel), fragments.some(range).map(Fragment::from), ahead);
         stats.segments += u64::from(light.segments);
         stats.out_of_order += u64::from(light.out_of_order);
         stats.rays_stopped_early += u64::from(self.early_termination && light.is_opaque());

@@ -23,6 +23,7 @@
 //! 2^-20 R^2 in all. Above `2^-19 R^2 + 2^-45 D R` in f32, E has that sign in f64 and is above its own bound there.
 
 pub(super) mod boxes;
+pub(super) mod fragments;
 pub(super) mod lanes;
 pub(super) mod lists;
 mod rays;
@@ -46,6 +47,33 @@ pub(super) struct Hit {
     pub(super) cells: [u32; 2],
     /// Whether the ray sees the corners clockwise.
     pub(super) is_turned: bool,
+}
+
+/// Hits of one face on the rays of eight pixels, those of them whose bits are set.
+pub(super) struct Hits<'a> {
+    pub(super) which: u8,
+    pub(super) pixels: &'a [u32; EIGHT],
+    pub(super) depth: &'a Eight,
+    pub(super) scalar: &'a Eight,
+    /// Bits of the rays that see the corners clockwise.
+    pub(super) turned: u8,
+    /// The cells of the face in the order of the other rays.
+    pub(super) cells: [u32; 2],
+}
+
+impl Hits<'_> {
+    /// Calls `hit` with each pixel and its hit.
+    #[inline(always)]
+    pub(super) fn each(&self, mut hit: impl FnMut(usize, Hit)) {
+        let Self { mut which, pixels, depth, scalar, turned, cells: [front, behind] } = *self;
+        while which != 0 {
+            let l = which.trailing_zeros() as usize % EIGHT;
+            which &= which - 1;
+            let is_turned = turned >> l & 1 == 1;
+            let cells = if is_turned { [behind, front] } else { [front, behind] };
+            hit(pixels[l] as usize, Hit { depth: depth[l], scalar: scalar[l], cells, is_turned });
+        }
+    }
 }
 
 /// Faces set up at a time, to overlap their memory latency.
@@ -160,40 +188,51 @@ impl Faces {
         &self,
         lanes: L,
         i: usize,
-        (view, vertices): (&View, &[ViewVertex]),
+        scene: (&View, &[ViewVertex]),
         rays: &TileRays,
         list: &mut PixelList,
         mut hit: impl FnMut(usize, Hit),
     ) {
+        self.some_hits(lanes, i, scene, rays, list, |hits| hits.each(&mut hit));
+    }
+
+    /// Calls `some` with the hits of face `i` by up to eight, as [`Self::hits`].
+    #[inline(always)]
+    pub(super) fn some_hits<L: Lanes>(
+        &self,
+        lanes: L,
+        i: usize,
+        (view, vertices): (&View, &[ViewVertex]),
+        rays: &TileRays,
+        list: &mut PixelList,
+        mut some: impl FnMut(&Hits<'_>),
+    ) {
         let i = i % FACES_AT_ONCE;
-        let [front, behind] = self.faces[i].item.cells;
+        let cells = self.faces[i].item.cells;
         let certain_above = [self.certain[i]; EIGHT];
         let candidates = self.candidates(lanes, i, rays, list);
         let mut first = 0;
         while first < candidates {
             let pixels = list[first..].first_chunk().unwrap_or(&[0; EIGHT]);
             let e = self.edges(lanes, i, rays, pixels);
-            let (all, some) = all_and_some(&e);
+            let (all, of_both) = all_and_some(&e);
             let asked = (0xffu32 >> EIGHT.saturating_sub(candidates - first)) as u8;
             let mut certain = lanes.less_f64(certain_above, all) & asked;
-            let mut doubtful = asked & !(certain | lanes.less_f64(certain_above, some));
+            let mut doubtful = asked & !(certain | lanes.less_f64(certain_above, of_both));
             if self.at_eye[i] {
                 doubtful |= std::mem::take(&mut certain);
             }
             let turned = lanes.less_f64(e[0], [0.0; EIGHT]);
             let (depth, scalar) = self.depth_and_scalar(i, &e);
-            while certain != 0 {
-                let l = certain.trailing_zeros() as usize % EIGHT;
-                certain &= certain - 1;
-                let is_turned = turned >> l & 1 == 1;
-                let cells = if is_turned { [behind, front] } else { [front, behind] };
-                hit(pixels[l] as usize, Hit { depth: depth[l], scalar: scalar[l], cells, is_turned });
-            }
+            some(&Hits { which: certain, pixels, depth: &depth, scalar: &scalar, turned, cells });
             while doubtful != 0 {
-                let pixel = pixels[doubtful.trailing_zeros() as usize % EIGHT] as usize;
+                let l = doubtful.trailing_zeros() as usize % EIGHT;
                 doubtful &= doubtful - 1;
-                let found = careful_hit(&self.faces[i], vertices, &rays.ray(view, pixel));
-                found.into_iter().for_each(|found| hit(pixel, found));
+                if let Some(found) = careful_hit(&self.faces[i], vertices, &rays.ray(view, pixels[l] as usize)) {
+                    let [depth, scalar] = [found.depth, found.scalar].map(|of| [of; EIGHT]);
+                    let turned = u8::from(found.is_turned) << l;
+                    some(&Hits { which: 1 << l, pixels, depth: &depth, scalar: &scalar, turned, cells });
+                }
             }
             first += EIGHT;
         }

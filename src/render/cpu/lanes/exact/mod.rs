@@ -44,7 +44,7 @@ mod whole;
 
 use super::super::super::medium::RayLine;
 use super::super::tiles::TilePixel;
-use super::rows::{Lights, Out, Rows};
+use super::rows::{Lights, Out, Rows, Unfinished};
 use super::vector::{Eight, LANES, Lanes};
 use crate::optics::exact::ExactTable;
 use intervals::Intervals;
@@ -85,6 +85,8 @@ pub(in crate::render::cpu) struct ExactLights<'a, L> {
     /// Bits of the lanes whose rays have met something visible, and of those that are opaque.
     seen: u8,
     opaque: u8,
+    /// Depth from which nothing is visible.
+    opaque_from: Eight,
     /// Bits of the lanes with a visible piece in the current row of steps.
     row_visible: u8,
     /// Ray ends already processed.
@@ -128,6 +130,7 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
             visible_from: [f64::INFINITY; LANES],
             seen: 0,
             opaque: 0,
+            opaque_from: [f64::INFINITY; LANES],
             row_visible: 0,
             ends_passed: 0,
         }
@@ -140,6 +143,21 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
         self.front[lane] = self.near_distance;
         self.composited &= !(1 << lane);
         self.closed &= !(1 << lane);
+    }
+
+    /// Takes up the light of a ray that was unfinished, in a lane without light.
+    #[inline(always)]
+    fn take_up(&mut self, lane: usize, pixel: Option<usize>, out: &Out<'_>) {
+        let (Some(unfinished), Some(pixel)) = (&out.unfinished, pixel) else { return };
+        let Unfinished { transmittance, carried, opaque_from } = unfinished[pixel];
+        let TilePixel { rgba, depth } = out.pixels[pixel];
+        for (channel, value) in self.rgba.iter_mut().zip(rgba) {
+            channel[lane] = value;
+        }
+        (self.transmittance[lane], self.carried[lane]) = (transmittance, carried);
+        (self.visible_from[lane], self.opaque_from[lane]) = (depth, opaque_from);
+        self.seen |= u8::from(depth < f64::INFINITY) << lane;
+        self.opaque |= u8::from(opaque_from < f64::INFINITY) << lane;
     }
 }
 
@@ -170,19 +188,25 @@ impl<L: Lanes> Lights for ExactLights<'_, L> {
         debug_assert!(self.closed & !self.opaque == 0, "what is not split is not seen");
     }
 
-    fn begin(&mut self, lane: usize, line: RayLine, _: Option<usize>) {
+    fn begin(&mut self, lane: usize, line: RayLine, pixel: Option<usize>, out: &Out<'_>) {
         self.change_ray(lane, line);
+        self.take_up(lane, pixel, out);
     }
 
     fn finish(&mut self, lane: usize, out: &mut Out<'_>, pixel: usize) {
         out.stats.rays_hit += 1;
         let rgba = self.rgba.map(|channel| channel[lane]);
         out.pixels[pixel] = TilePixel { rgba, depth: self.visible_from[lane] };
+        if let Some(unfinished) = &mut out.unfinished {
+            let (transmittance, carried) = (self.transmittance[lane], self.carried[lane]);
+            unfinished[pixel] = Unfinished { transmittance, carried, opaque_from: self.opaque_from[lane] };
+        }
         self.rgba.iter_mut().for_each(|channel| channel[lane] = 0.0);
         (self.transmittance[lane], self.carried[lane]) = (1.0, 0.0);
         self.visible_from[lane] = f64::INFINITY;
         self.seen &= !(1 << lane);
         self.opaque &= !(1 << lane);
+        self.opaque_from[lane] = f64::INFINITY;
     }
 
     fn opaque(&self) -> u8 {

@@ -263,6 +263,7 @@ impl<L: Lanes> ExactLights<'_, L> {
         while which != 0 {
             let lane = which.trailing_zeros() as usize;
             which &= which - 1;
+            self.opaque_from[lane] = rows.to_depth[row][lane];
             out.stop_early(rows, lane, row);
         }
     }
@@ -274,6 +275,7 @@ impl<L: Lanes> ExactLights<'_, L> {
             && end.row < row
         {
             self.finish(end.lane, out, end.pixel);
+            self.take_up(end.lane, end.next, out);
             self.ends_passed += 1;
         }
     }

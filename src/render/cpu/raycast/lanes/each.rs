@@ -51,12 +51,12 @@ impl<M: Medium<Light = Accumulator>, A: Ahead, F: Fn(usize) -> A> Lights for Eac
             }
             while let Some(end) = ends.next_if(|end| end.row == row) {
                 self.finish(end.lane, out, end.pixel);
-                self.begin(end.lane, end.line, end.next);
+                self.begin(end.lane, end.line, end.next, out);
             }
         }
     }
 
-    fn begin(&mut self, lane: usize, line: RayLine, pixel: Option<usize>) {
+    fn begin(&mut self, lane: usize, line: RayLine, pixel: Option<usize>, _: &Out<'_>) {
         self.lights[lane] = RayLight::new(self.near_distance, pixel.map_or(A::NONE, &self.fragments_of));
         self.lines[lane] = line;
         self.opaque &= !(1 << lane);

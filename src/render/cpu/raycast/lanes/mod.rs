@@ -72,7 +72,7 @@ impl<M: Medium<Light = Accumulator>, L: Lanes, Y: Layers> NullaryFnOnce for Walk
         let Self { lanes, scene, layers, rect, starts, scratch, pixels, stats } = self;
         let LaneScratch { rows, cut, entered, ahead } = scratch;
         entered.clear();
-        let mut out = Out { pixels, stats, early_termination: scene.early_termination };
+        let mut out = Out { pixels, unfinished: None, stats, early_termination: scene.early_termination };
         let mut walk = Walk::new(lanes, scene, Starts { scene, rect, starts, next: 0, entered });
         let near_distance = scene.view.near_depth();
         let fragments_of = |pixel: usize| {

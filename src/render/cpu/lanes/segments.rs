@@ -1,33 +1,49 @@
-//! The light of the rays of a tile, eight side by side.
+//! The light of the rays of a tile whose segments are known, eight rays side by side.
 
 use super::super::super::medium::RayLine;
-use super::super::lanes::exact::{ExactLights, Optics};
-use super::super::lanes::rows::{Lights, Out, RayEnd, Rows, RowsAhead};
-use super::super::lanes::vector::{LANES, Lanes};
-use super::super::lanes::{Rays, composite};
 use super::super::raster::TileRays;
+use super::super::raster::fragments::{PIXELS, SegmentEnds};
 use super::super::tiles::{TILE_PX, TilePixel};
-use super::fragment::{FragmentsByPixel, PIXELS};
+use super::exact::{ExactLights, Optics};
+use super::rows::{Lights, Out, RayEnd, Rows, RowsAhead, Unfinished};
+use super::vector::{LANES, Lanes};
+use super::{Rays, composite};
 use crate::camera::View;
 use crate::optics::exact::ExactTable;
 use crate::stats::FrameStats;
 use pulp::{Arch, NullaryFnOnce};
 use std::ops::Range;
 
+/// Segments of the rays of a tile, those of a ray in order.
+pub(in crate::render::cpu) trait SegmentsByPixel {
+    /// Where the segments of a pixel are.
+    fn range(&self, pixel: usize) -> Range<usize>;
+
+    /// Some of them.
+    fn some(&self, range: Range<usize>) -> impl Iterator<Item = SegmentEnds>;
+}
+
 /// Buffers of a tile, reused from tile to tile.
 #[derive(Default)]
-pub(super) struct RowScratch {
+pub(in crate::render::cpu) struct RowScratch {
     rows: Box<Rows>,
     ahead: RowsAhead,
 }
 
-/// The rays of a tile, each with its fragments in order.
-pub(super) struct FragmentRays<'a> {
+/// Where the light of a tile goes.
+pub(in crate::render::cpu) struct Target<'a> {
+    pub(in crate::render::cpu) scratch: &'a mut RowScratch,
+    /// The pixels of the tile, row by row.
+    pub(in crate::render::cpu) pixels: &'a mut [TilePixel],
+    /// What else is known of the rays if they go on later.
+    pub(in crate::render::cpu) unfinished: Option<&'a mut [Unfinished]>,
+}
+
+/// The rays of a tile with their segments.
+pub(in crate::render::cpu) struct SegmentRays<'a, S> {
     view: &'a View,
     rays: &'a TileRays,
-    fragments: &'a FragmentsByPixel<'a>,
-    /// One scalar per cell, instead of those of fragments.
-    scalars: Option<&'a [f32]>,
+    segments: S,
     /// The pixel to be looked at next.
     pixel: usize,
     own: [Option<Own>; LANES],
@@ -36,26 +52,22 @@ pub(super) struct FragmentRays<'a> {
 /// The ray of a lane.
 struct Own {
     pixel: usize,
-    /// Its fragments still to come.
+    /// Its segments still to come.
     rest: Range<usize>,
 }
 
-impl<'a> FragmentRays<'a> {
-    pub(super) fn new(
-        (view, rays): (&'a View, &'a TileRays),
-        fragments: &'a FragmentsByPixel<'a>,
-        scalars: Option<&'a [f32]>,
-    ) -> Self {
-        Self { view, rays, fragments, scalars, pixel: 0, own: [const { None }; LANES] }
+impl<'a, S: SegmentsByPixel> SegmentRays<'a, S> {
+    pub(in crate::render::cpu) fn new((view, rays): (&'a View, &'a TileRays), segments: S) -> Self {
+        Self { view, rays, segments, pixel: 0, own: [const { None }; LANES] }
     }
 
-    /// Composites all of them into the pixels of the tile, row by row; `None` if there are no vectors for that.
-    pub(super) fn composite(
+    /// Composites all of them; `None` if there are no vectors for that.
+    pub(in crate::render::cpu) fn composite(
         self,
         arch: Arch,
         table: &'a ExactTable,
         early_termination: bool,
-        into: (&'a mut RowScratch, &'a mut [TilePixel]),
+        into: Target<'a>,
     ) -> Option<FrameStats> {
         match arch {
             Arch::V4(lanes) => Some(lanes.vectorize(Composite { lanes, rays: self, table, early_termination, into })),
@@ -69,37 +81,32 @@ impl<'a> FragmentRays<'a> {
         mut self,
         (lanes, table): (L, &ExactTable),
         early_termination: bool,
-        (RowScratch { rows, ahead }, pixels): (&mut RowScratch, &mut [TilePixel]),
+        Target { scratch: RowScratch { rows, ahead }, pixels, unfinished }: Target<'_>,
     ) -> FrameStats {
         let mut stats = FrameStats::default();
-        let mut out = Out { pixels, stats: &mut stats, early_termination };
+        let mut out = Out { pixels, unfinished, stats: &mut stats, early_termination };
         let mut lights = ExactLights::new(Optics { lanes, table }, self.view.near_depth());
         composite(&mut self, (rows, ahead), &mut out, &mut lights);
         // Fragments are counted as such.
         FrameStats { steps: 0, ..stats }
     }
 
-    /// Writes fragments of a lane into rows from `first` on.
+    /// Writes segments of a lane into rows from `first` on.
     #[inline(always)]
     fn write(&self, rows: &mut Rows, lane: usize, first: usize, some: Range<usize>) {
-        for (row, &word) in (first..).zip(self.fragments.words(some)) {
-            let fragment = self.fragments.of_word(word);
-            [rows.from_depth[row][lane], rows.to_depth[row][lane]] = fragment.depth;
-            let scalar = match self.scalars {
-                None => fragment.scalar,
-                Some(scalars) => [f64::from(scalars[fragment.cell as usize]); 2],
-            };
+        for (row, SegmentEnds { depth, scalar }) in (first..).zip(self.segments.some(some)) {
+            [rows.from_depth[row][lane], rows.to_depth[row][lane]] = depth;
             [rows.from_scalar[row][lane], rows.to_scalar[row][lane]] = scalar;
             rows.alive[row] |= 1 << lane;
         }
     }
 }
 
-impl Rays for FragmentRays<'_> {
+impl<S: SegmentsByPixel> Rays for SegmentRays<'_, S> {
     fn next(&mut self, lane: usize) -> Option<RayLine> {
         let mut rest = 0..0;
         while rest.is_empty() && self.pixel < PIXELS {
-            rest = self.fragments.range(self.pixel);
+            rest = self.segments.range(self.pixel);
             self.pixel += 1;
         }
         self.own[lane] = None;
@@ -144,15 +151,15 @@ impl Rays for FragmentRays<'_> {
 }
 
 /// Composites rays; compiled for the vectors of each processor that has room for eight.
-struct Composite<'a, L> {
+struct Composite<'a, S, L> {
     lanes: L,
-    rays: FragmentRays<'a>,
+    rays: SegmentRays<'a, S>,
     table: &'a ExactTable,
     early_termination: bool,
-    into: (&'a mut RowScratch, &'a mut [TilePixel]),
+    into: Target<'a>,
 }
 
-impl<L: Lanes> NullaryFnOnce for Composite<'_, L> {
+impl<S: SegmentsByPixel, L: Lanes> NullaryFnOnce for Composite<'_, S, L> {
     type Output = FrameStats;
 
     #[inline(always)]
