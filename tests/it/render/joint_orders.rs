@@ -40,13 +40,12 @@ fn back_to_front(job: &RenderJob) -> RenderJob {
 
 #[test]
 fn whatever_the_buffer_of_fragments_holds_back_exact_order_is_exact() {
-    let (mut mistakes, mut again) = (0, 0);
+    let mut mistakes = 0;
     for (name, job) in jobs(6, PERSPECTIVE) {
         let judge = reference(&job);
         for k in [2, 3, 16] {
             for (order, job) in [("front to back", with_all_faces(&job)), ("back to front", back_to_front(&job))] {
                 let image = havs(&with_buffer(&job, k, true));
-                again += image.stats.pixels_resolved_again;
                 assert_within(&format!("{name}, {order}, k {k}"), &image.planes.color, &judge);
             }
         }
@@ -55,7 +54,7 @@ fn whatever_the_buffer_of_fragments_holds_back_exact_order_is_exact() {
         mistakes += wrong.stats.out_of_order;
         assert_noticed(name, &wrong.planes.color, &judge);
     }
-    assert!(mistakes > 100 && again > 100, "{mistakes} fragments too late, {again} pixels drawn again");
+    assert!(mistakes > 100, "{mistakes} fragments too late");
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use super::super::super::medium::RayPoint;
 use super::super::raster::Hit;
+use super::super::raster::fragments::Fragments;
 use crate::mesh::NONE;
 
 /// The point at which a ray passes through a face.
@@ -16,8 +17,6 @@ pub(super) struct Fragment {
 }
 
 impl Fragment {
-    pub(super) const UNUSED: Self = Self { depth: 0.0, scalar: 0.0, near: NONE, far: NONE };
-
     #[inline(always)]
     pub(super) fn point(&self) -> RayPoint {
         RayPoint { depth: self.depth, scalar: self.scalar }
@@ -27,6 +26,11 @@ impl Fragment {
     pub(super) fn at(hit: Hit) -> Self {
         let Hit { depth, scalar, cells: [near, far], .. } = hit;
         Self { depth, scalar, near, far }
+    }
+
+    /// Adds it to those of a pixel.
+    pub(super) fn push_to(&self, fragments: &mut Fragments<RayPoint, [u32; 2]>, pixel: usize) {
+        fragments.push(pixel, self.depth, self.point(), [self.near, self.far]);
     }
 
     /// The active cell that the ray leaves, or `other` if there is none.
@@ -56,6 +60,13 @@ impl Fragment {
             (false, true) => false,
             _ => self.depth < other.depth,
         }
+    }
+}
+
+impl From<(RayPoint, [u32; 2])> for Fragment {
+    #[inline(always)]
+    fn from((RayPoint { depth, scalar }, [near, far]): (RayPoint, [u32; 2])) -> Self {
+        Self { depth, scalar, near, far }
     }
 }
 

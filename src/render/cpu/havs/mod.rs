@@ -1,54 +1,59 @@
 //! Drawing faces instead of cells: hardware-assisted visibility sorting (HAVS) on the CPU (dissertation 6.1.3).
 //!
 //! The job lists the faces to draw, each once, sorted by the depth of their centroids, either all or some (level of detail). They give
-//! each pixel fragments nearly in depth order, and a buffer of the k nearest of them (the k-buffer) corrects most errors of the order:
+//! each pixel fragments nearly in depth order:
 //!
 //! ```text
 //! vertices to view coordinates and to the image
 //! for each chunk of the list, in parallel:  tiles that the box of each face meets            bins
-//! for each tile, in parallel:
-//!   for each face, in the order of the list:                                                 tile
-//!     for each pixel whose ray hits it:  fragment = depth, scalar, cell left, cell entered   raster
-//!       insert it into the pixel's buffer by depth                                           fragment
-//!       more than k there: the nearest leaves; if the ray is within an active cell behind    light
-//!         the last one that left, integrate from that one to this one
-//!   the rest leaves the buffers in order
-//!   for each pixel where that was not the right order: again, from all fragments             resolve
+//! for each tile, in parallel, in rounds of more and more faces in the order of the list:     queue, tile
+//!   for each pixel whose ray hits a face:  fragment = depth, scalar, cell left, cell entered  raster
+//!   for each pixel:  its fragments in order, those that nothing to come can be in front of leave
+//!     if the ray is within an active cell behind the last one that left, integrate from that one to this one
+//!                                                                                path, light, side_by_side
+//!   at the end, for each pixel whose ray did not go from cell to cell: again, from all fragments  resolve
 //! ```
 //!
 //! **Gaps.** The gap between two successive fragments is filled if an active cell is behind the nearer one. With a complete list the
 //! farther one is the exit of that cell. With an incomplete one the gap spans several cells; faces between an active cell and none are
 //! always drawn, which preserves holes and the outline.
 //!
-//! **Order.** A fragment nearer than the last one that left is counted and dropped. With a complete list the cells check the order: each
-//! fragment must leave the cell that the one before entered. If one does not, or one was dropped, and exact order is asked for, the pixel
-//! is drawn again: a complete list by following its fragments from cell to cell, as the ray caster does, an incomplete one by sorting all
-//! of them. Depths within rounding are ordered by their cells, an exit before an entry. So a complete list in exact order gives the ray
-//! caster's image, however flat the cells are.
+//! **Order.** In exact order fragments leave up to the least depth of the faces that are still to come, whatever their order. Otherwise a buffer
+//! holds back the k nearest of a pixel (the k-buffer), which corrects most errors of the order: a fragment nearer than the last one that left
+//! is counted and dropped. With a complete list the cells check the order: each fragment must leave the cell that the one before entered. If one
+//! does not, and exact order is asked for, the pixel is drawn again by following its fragments from cell to cell, as the ray caster does. Depths within
+//! rounding are ordered by their cells, an exit before an entry. So a complete list in exact order gives the ray caster's image, however flat
+//! the cells are.
 //!
 //! Depths are f64: cells of boundary layers are thinner than the resolution of f32 depths.
 //!
 //! Deviations for speed:
-//! 1. A buffer takes up a batch of fragments before they are sorted into the k before each and leave: the same ones leave
+//! 1. A buffer takes up a round of fragments before they are sorted into the k before each and leave: the same ones leave
 //!    in the same order.
 //! 2. Edge functions are linear over a tile. In f32, for two rows of eight pixels at a time, they say which pixels a face
 //!    certainly misses; for the rest they are computed in f64, eight at a time; in doubt by their definition ([`raster`](super::raster)).
 //!    Eight faces are made ready side by side.
-//! 3. A face that only opaque pixels of a tile could see is not looked at there if it has no corner in front of where they are,
-//!    and a tile whose rays are all opaque is left when that holds for the rest of the list.
+//! 3. Opaque pixels take no more fragments; a face that only these could see is left out.
 //! 4. The list is kept in its order, with corners and cells, as long as it is drawn; tiles have copies of their faces.
 //!    Both for the sake of memory read in order ([`bins`]).
-//! 5. The fragments of a pixel that leave its buffer together are integrated together: weights of colours side by side
-//!    ([`Medium::pass_run`]).
-//! 6. It is compiled for the widest registers that the processor has; the image is the same. A frame takes 0.72 of the portable one's time.
+//! 5. The rays of a tile are integrated eight side by side ([`lanes`](super::lanes)), once it is known in a round between which fragments; with another
+//!    medium than a table of the scalar, or other layers, one after the other, runs of fragments together ([`Medium::pass_run`]).
+//! 6. It is compiled for the widest registers that the processor has; the image is the same.
 //!
-//! The size of the buffer hardly matters: 398 to 405 ms with k from 2 to 32, in the order as it comes (1M cells, two threads of a Xeon).
+//! Shares of a frame's time (1M cells, dense, samples of `perf`, EPYC with AVX-512): hits 27 %, order and paths 20, light 24, bins 14.
 
 mod bins;
 mod fragment;
+#[cfg(test)]
+mod lanes_tests;
 mod light;
+mod lights;
+mod path;
 mod place;
+mod queue;
 mod resolve;
+#[cfg(target_arch = "x86_64")]
+mod side_by_side;
 mod sides;
 mod tile;
 
@@ -73,7 +78,6 @@ use tile::{RenderTile, Scene, TileScratch};
 pub type Havs = FrameRun<FaceTiles>;
 
 /// Draws faces tile by tile on the CPU.
-#[derive(Default)]
 pub struct FaceTiles {
     placer: FacePlacer,
     tiles: Tiles<TileScratch>,
@@ -81,6 +85,18 @@ pub struct FaceTiles {
     tables: OpticsTables,
     /// Whether to avoid instructions that not every processor of the architecture has.
     portable: bool,
+    /// Fragments of a tile that are held back at most, unless it is down to one pixel.
+    held_most: usize,
+}
+
+/// Of 16 MB a thread.
+const HELD_MOST: usize = 1 << 18;
+
+impl Default for FaceTiles {
+    fn default() -> Self {
+        let (placer, tiles, tables) = (FacePlacer::default(), Tiles::default(), OpticsTables::default());
+        Self { placer, tiles, tables, portable: false, held_most: HELD_MOST }
+    }
 }
 
 /// A job of [`FaceTiles`].
@@ -155,6 +171,7 @@ impl RenderTiles for FaceTiles {
         budget: Duration,
         frame: &mut Frame,
     ) -> bool {
+        let arch = if self.portable { Arch::Scalar } else { Arch::new() };
         let scene = Scene {
             topology: &job.mesh.topology,
             vertices: &in_view.vertices,
@@ -169,10 +186,12 @@ impl RenderTiles for FaceTiles {
             // The mesh lies within a local box of diameter 2 sqrt(3).
             tie: fragment::tie(view.eye.length() + 2.0),
             cancel: &job.cancel,
+            arch,
+            held_most: self.held_most,
         };
         let portable = self.portable;
         self.tiles.render(job, budget, frame, |tile, scratch, pixels| {
-            let counts = match if portable { Arch::Scalar } else { Arch::new() } {
+            let counts = match arch {
                 #[cfg(target_arch = "x86_64")]
                 Arch::V4(lanes) => lanes.vectorize(RenderTile { lanes, scene: &scene, tile, scratch, pixels }),
                 #[cfg(target_arch = "x86_64")]

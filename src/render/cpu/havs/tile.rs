@@ -1,26 +1,32 @@
-//! Draws one tile: faces in list order, a buffer of fragments per pixel.
+//! Draws one tile, round by round.
 
-use super::super::super::layers::{Ahead, Layers};
+use super::super::super::layers::Layers;
 use super::super::super::medium::{Medium, RayPoint};
+use super::super::light::RayLight;
 use super::super::raster::boxes::Bounds;
+use super::super::raster::fragments::{self, PIXELS, sort_words};
 use super::super::raster::lanes::{BLOCK, Lanes, PixelList};
 use super::super::raster::lists::{Bins, ListedFace, TileFace};
-use super::super::raster::{FACES_AT_ONCE, Faces, TileRays};
+use super::super::raster::{FACES_AT_ONCE, Faces, Hits, TileRays};
 use super::super::ray::{Ray, ViewVertex};
 use super::super::raycast::entries::EyeCell;
-use super::super::tiles::{PixelRect, TilePixel};
+use super::super::tiles::{PixelRect, TileBits, TilePixel};
 use super::super::values::ValuesOnRay;
 use super::TILE_PX;
-use super::fragment::{Fragment, sort_in_window};
-use super::light::{FragmentRay, RayOptics};
+use super::fragment::{Fragment, sort_all, sort_in_window};
+use super::light::RayOptics;
+use super::lights::{Lights, SideBySide};
+use super::path::Path;
+use super::queue::FaceQueue;
 use super::resolve::resolve_again;
 use crate::camera::View;
 use crate::mesh::{NONE, Topology};
 use crate::optics::Accumulator;
+use crate::optics::exact::ExactTable;
 use crate::render::KBuffer;
 use crate::stats::FrameStats;
 use crate::task::Cancel;
-use pulp::NullaryFnOnce;
+use pulp::{Arch, NullaryFnOnce};
 
 /// Scene data shared by all tiles of a frame.
 pub(super) struct Scene<'a, M, Y> {
@@ -39,23 +45,23 @@ pub(super) struct Scene<'a, M, Y> {
     /// Depths closer than this may be in the wrong order.
     pub(super) tie: f64,
     pub(super) cancel: &'a Cancel,
+    /// The vectors that are used.
+    pub(super) arch: Arch,
+    /// Fragments that are held back at most, unless there is one pixel.
+    pub(super) held_most: usize,
 }
 
 impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
-    /// Capacity of a pixel's buffer in fragments.
-    fn room(&self) -> usize {
-        usize::from(self.k_buffer.k) + BATCH
-    }
-
     /// Whether no ray of a tile meets anything.
     #[inline(never)]
     fn is_transparent_in(&self, tile: usize, PixelRect { x, y, width, height }: PixelRect) -> bool {
         self.eye_cells.is_empty() && !self.bins.has_some(tile) && !self.layers.has_some_in(x..x + width, y..y + height)
     }
 
-    /// The ray of a pixel before its first fragment.
-    pub(super) fn ray(&self, column: usize, row: usize) -> FragmentRay<M::Ray, Y::Ahead<'_>> {
-        FragmentRay::new(self.view.near_depth(), self.layers.ahead(column, row))
+    /// The light of a ray before its first fragment, of a pixel of a tile in the image.
+    pub(super) fn light(&self, rays: &TileRays, pixel: usize) -> RayLight<M::Ray, Y::Ahead<'_>> {
+        let (column, row) = (rays.bounds.x0 + pixel % TILE_PX, rays.bounds.y0 + pixel / TILE_PX);
+        RayLight::new(self.view.near_depth(), self.layers.ahead(column, row))
     }
 
     pub(super) fn optics(&self, ray: &Ray) -> RayOptics<'_, M> {
@@ -77,21 +83,37 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
         };
         Some(Fragment { depth, scalar, near: NONE, far: cell })
     }
+
+    /// The table of rays that are composited side by side in a tile; `None` if each is composited alone.
+    fn table_of_lanes(&self, rays: &TileRays) -> Option<&ExactTable> {
+        let Bounds { x0, x1, y0, y1 } = rays.bounds;
+        let has_vectors = !matches!(self.arch, Arch::Scalar) && cfg!(target_arch = "x86_64");
+        self.medium.exact_table().filter(|_| has_vectors && !self.layers.has_some_in(x0..x1, y0..y1))
+    }
 }
 
-/// Fragments collected beyond the `k` held back, before they are sorted and composited.
-const BATCH: usize = 16;
-const PIXELS: usize = TILE_PX * TILE_PX;
+/// Fragments of the first round: enough for the first layers of a tile, and few in vain if rays become opaque there.
+const FIRST_ROUND: usize = 8 * PIXELS;
+/// Fragments of later rounds: four times as many as of the one before, unless rays became opaque in it, and at most these.
+const LATER_ROUNDS: usize = 128 * PIXELS;
 
 /// Buffers of a tile, reused from tile to tile.
+#[derive(Default)]
 pub(super) struct TileScratch {
-    /// Slots for k + [`BATCH`] fragments per pixel, in order of arrival behind those held back.
-    slots: Vec<Fragment>,
-    counts: [u32; PIXELS],
-    /// Number of fragments held back per pixel, sorted.
-    held: [u32; PIXELS],
-    /// Pixels whose slots are full.
-    full: Vec<u16>,
+    scratch: FragmentScratch,
+    side_by_side: SideBySide,
+    /// Parts of the tile still to be drawn.
+    parts: Vec<TileBits>,
+}
+
+/// Buffers of fragments.
+pub(super) struct FragmentScratch {
+    fragments: fragments::Fragments<RayPoint, [u32; 2]>,
+    /// Fragments held back for the next round, with their pixels, and their number per pixel.
+    held: Vec<(u8, Fragment)>,
+    held_of: [u32; PIXELS],
+    /// The fragments of a pixel.
+    line: Vec<Fragment>,
     pub(super) faces: Faces,
     /// Faces set up together.
     batch: [TileFace; FACES_AT_ONCE],
@@ -101,14 +123,13 @@ pub(super) struct TileScratch {
     pub(super) again: Vec<(u32, Fragment)>,
 }
 
-impl Default for TileScratch {
+impl Default for FragmentScratch {
     fn default() -> Self {
-        let (counts, held) = ([0; PIXELS], [0; PIXELS]);
         Self {
-            slots: Vec::new(),
-            counts,
-            held,
-            full: Vec::new(),
+            fragments: fragments::Fragments::default(),
+            held: Vec::new(),
+            held_of: [0; PIXELS],
+            line: Vec::new(),
             faces: Faces::NONE,
             batch: [TileFace::UNUSED; FACES_AT_ONCE],
             candidates: [0; PIXELS + BLOCK],
@@ -133,183 +154,115 @@ impl<M: Medium<Light = Accumulator>, Y: Layers, L: Lanes> NullaryFnOnce for Rend
     fn call(self) -> FrameStats {
         let Self { lanes, scene, tile, scratch, pixels } = self;
         let rect = scene.bins.grid.rect(tile);
+        pixels.fill(TilePixel::TRANSPARENT);
+        let mut stats = FrameStats::default();
         if scene.is_transparent_in(tile, rect) {
-            pixels.fill(TilePixel::TRANSPARENT);
-            return FrameStats::default();
+            return stats;
         }
         let bounds = Bounds { x0: rect.x, x1: rect.x + rect.width, y0: rect.y, y1: rect.y + rect.height };
-        let rays = TileRays::new(scene.view, bounds);
-        let mut lights = [FragmentRay::new(scene.view.near_depth(), Y::Ahead::NONE); PIXELS];
-        if Y::ANY {
-            for (pixel, light) in lights.iter_mut().enumerate() {
-                let (column, row) = (pixel % TILE_PX, pixel / TILE_PX);
-                if rays.rendered[row] >> column & 1 == 1 {
-                    *light = scene.ray(rect.x + column, rect.y + row);
-                }
-            }
-        }
-        let mut stats = draw_in_list_order(lanes, scene, tile, &rays, scratch, &mut lights);
-        let mut again = [0u32; TILE_PX];
-        for row in 0..rect.height {
-            for column in 0..rect.width {
-                let light = &lights[row * TILE_PX + column];
-                let is_in_order = light.out_of_order == 0 && (light.is_whole() || !scene.is_complete);
-                again[row] |= u32::from(scene.k_buffer.exact_order && !is_in_order) << column;
-                stats.out_of_order += u64::from(light.out_of_order);
-            }
-        }
-        if again != [0; TILE_PX] {
-            stats.pixels_resolved_again += again.iter().map(|row| u64::from(row.count_ones())).sum::<u64>();
-            resolve_again(scene, tile, &rays, &again, scratch, &mut lights);
-        }
-        for row in 0..rect.height {
-            for column in 0..rect.width {
-                let light = &lights[row * TILE_PX + column];
-                stats.segments += u64::from(light.segments());
-                stats.rays_stopped_early += u64::from(light.is_opaque);
-                stats.rays_hit += u64::from(light.last.depth > f64::NEG_INFINITY);
-                pixels[row * rect.width + column] = light.pixel();
+        let mut rays = TileRays::new(scene.view, bounds);
+        scratch.parts.clear();
+        scratch.parts.push(rays.rendered);
+        while let Some(part) = scratch.parts.pop() {
+            rays.rendered = part;
+            match draw(lanes, scene, tile, &mut rays, (scratch, &mut *pixels)) {
+                Some(counts) => stats.add_counts(&counts),
+                None => scratch.parts.extend(halves(&part)),
             }
         }
         stats
     }
 }
 
-/// Draws faces in list order, with a buffer of k fragments per pixel.
+/// Both halves of some pixels, of which there are at least two.
+fn halves(part: &TileBits) -> [TileBits; 2] {
+    let mut left = count_of(part) / 2;
+    let first = of_pixels(|pixel| {
+        let is_first = has(part, pixel) && left > 0;
+        left -= usize::from(is_first);
+        is_first
+    });
+    [first, of_pixels(|pixel| has(part, pixel) && !has(&first, pixel))]
+}
+
+pub(super) fn has(pixels: &TileBits, pixel: usize) -> bool {
+    pixels[pixel / TILE_PX] >> (pixel % TILE_PX) & 1 == 1
+}
+
+/// Those of all pixels, which are asked in their order.
+fn of_pixels(mut is_one: impl FnMut(usize) -> bool) -> TileBits {
+    let mut bits = TileBits::default();
+    (0..PIXELS).for_each(|pixel| bits[pixel / TILE_PX] |= u16::from(is_one(pixel)) << (pixel % TILE_PX));
+    bits
+}
+
+fn count_of(pixels: &TileBits) -> usize {
+    pixels.iter().map(|row| row.count_ones() as usize).sum()
+}
+
+/// Calls `each` with each of these pixels.
+pub(super) fn each(pixels: &TileBits, mut each: impl FnMut(usize)) {
+    for (row, &bits) in pixels.iter().enumerate() {
+        let mut bits = bits;
+        while bits != 0 {
+            each(row * TILE_PX + bits.trailing_zeros() as usize);
+            bits &= bits - 1;
+        }
+    }
+}
+
+/// The place of a pixel of a tile among those of its image.
+pub(super) fn place(rays: &TileRays, pixel: usize) -> usize {
+    pixel / TILE_PX * (rays.bounds.x1 - rays.bounds.x0) + pixel % TILE_PX
+}
+
+/// Draws the pixels `rays.rendered` of a tile; `None` if more fragments would be held back than memory is for.
 #[inline(always)]
-fn draw_in_list_order<'s, M: Medium<Light = Accumulator>, Y: Layers, L: Lanes>(
+fn draw<M: Medium<Light = Accumulator>, Y: Layers, L: Lanes>(
     lanes: L,
-    scene: &'s Scene<'_, M, Y>,
+    scene: &Scene<'_, M, Y>,
     tile: usize,
-    rays: &TileRays,
-    scratch: &mut TileScratch,
-    lights: &mut [FragmentRay<M::Ray, Y::Ahead<'s>>; PIXELS],
-) -> FrameStats {
-    let room = scene.room();
-    scratch.slots.resize(PIXELS * room, Fragment::UNUSED);
-    scratch.counts.fill(0);
-    scratch.held.fill(0);
-    scratch.full.clear();
+    rays: &mut TileRays,
+    (TileScratch { scratch, side_by_side, .. }, pixels): (&mut TileScratch, &mut [TilePixel]),
+) -> Option<FrameStats> {
+    let part = rays.rendered;
+    let is_alone = count_of(&part) < 2;
+    let mut paths = [Path::START; PIXELS];
+    let mut lights = match scene.table_of_lanes(rays) {
+        Some(table) => Lights::side_by_side(table, side_by_side),
+        None => Lights::each(scene, rays),
+    };
+    scratch.fragments.clear();
+    scratch.held_of.fill(0);
     begin_at_eye(scene, rays, scratch);
-    let mut stats = FrameStats::default();
-    let mut open = OpenPixels::new(rays);
-    let mut queue = FaceQueue { next_chunk: 0, faces: &[], hidden: 0 };
+    let mut stats = FrameStats { fragments: scratch.fragments.len() as u64, ..FrameStats::default() };
+    let mut queue = FaceQueue::new(scene.bins, tile, scene.cancel);
+    let (mut round, mut some_are_closed) = (FIRST_ROUND, false);
     loop {
-        let ready = queue.take(scene, tile, &open, &mut scratch.batch);
-        scratch.faces.set(scene.view, scene.vertices, rays, &scratch.batch[..ready]);
-        let is_last = ready == 0;
-        let mut next = 0;
-        loop {
-            let TileScratch { slots, counts, full, faces, candidates, .. } = &mut *scratch;
-            if next < ready {
-                let slots = slots.as_mut_slice();
-                // A face adds at most one fragment per pixel, so capacity is checked after each face.
-                faces.hits(lanes, next, (scene.view, scene.vertices), rays, candidates, |pixel, hit| {
-                    let count = counts[pixel] as usize;
-                    slots[pixel * room + count] = Fragment::at(hit);
-                    counts[pixel] = count as u32 + 1;
-                    if count + 1 == room {
-                        full.push(pixel as u16);
-                    }
-                });
-                next += 1;
-            } else if is_last {
-                full.extend((0..PIXELS as u16).filter(|&pixel| counts[usize::from(pixel)] > 0));
-            }
-            while let Some(pixel) = scratch.full.pop() {
-                let light = &mut lights[usize::from(pixel)];
-                let was_opaque = light.is_opaque;
-                stats.fragments += let_go(scene, rays, scratch, usize::from(pixel), light, is_last);
-                if light.is_opaque && !was_opaque {
-                    open.close(usize::from(pixel), light.last.depth);
-                }
-            }
-            if next >= ready {
-                break;
-            }
-        }
+        let held = scratch.fragments.len();
+        let is_last = collect(lanes, scene, rays, scratch, (&mut queue, some_are_closed, held + round.max(held)));
+        stats.fragments += (scratch.fragments.len() - held) as u64;
+        let bound = if is_last { f64::INFINITY } else { queue.nearest_left() };
+        stats.segments += release(scene, rays, (&mut paths, &mut lights), (scratch, pixels), bound);
+        let is_open = |pixel: usize| !paths[pixel].is_opaque;
+        let open = of_pixels(|pixel| is_open(pixel) && has(&rays.rendered, pixel));
+        let closes_some = open != std::mem::replace(&mut rays.rendered, open);
+        some_are_closed |= closes_some;
         if is_last {
-            stats.faces_hidden = queue.hidden;
-            return stats;
+            break;
+        }
+        hold(scratch, &paths);
+        if scratch.fragments.len() > scene.held_most && !is_alone {
+            each(&part, |pixel| pixels[place(rays, pixel)] = TilePixel::TRANSPARENT);
+            return None;
+        }
+        if !closes_some {
+            round = LATER_ROUNDS.min(4 * round);
         }
     }
-}
-
-/// The pixels of a tile that are not opaque yet.
-struct OpenPixels {
-    /// A bit per column for each row.
-    rows: [u16; TILE_PX],
-    count: usize,
-    /// Depth of the furthest last fragment of the opaque pixels.
-    furthest: f64,
-}
-
-impl OpenPixels {
-    fn new(rays: &TileRays) -> Self {
-        let count = rays.rendered.iter().map(|row| row.count_ones() as usize).sum();
-        Self { rows: rays.rendered, count, furthest: f64::NEG_INFINITY }
-    }
-
-    /// Marks a pixel as opaque from this depth on.
-    fn close(&mut self, pixel: usize, depth: f64) {
-        self.rows[pixel / TILE_PX] &= !(1 << (pixel % TILE_PX));
-        self.count -= 1;
-        self.furthest = self.furthest.max(depth);
-    }
-
-    /// Whether a box has an open pixel.
-    #[inline(always)]
-    fn has_some_in(&self, Bounds { x0, x1, y0, y1 }: Bounds) -> bool {
-        let columns = ((1u32 << x1) - (1u32 << x0)) as u16;
-        self.rows[y0..y1].iter().fold(0, |some, row| some | row & columns) != 0
-    }
-}
-
-/// The faces of a tile still to be drawn.
-struct FaceQueue<'a> {
-    next_chunk: usize,
-    faces: &'a [TileFace],
-    /// Number of faces left out.
-    hidden: u64,
-}
-
-impl<'a> FaceQueue<'a> {
-    /// Puts the next faces that rays may meet into `batch` and returns their number, 0 at the end of the list. Faces over opaque pixels
-    /// only are left out; in exact order only if they also lie behind all that has been composited, or the pixel would have to be drawn
-    /// again.
-    #[inline(always)]
-    fn take<M: Medium<Light = Accumulator>, Y: Layers>(
-        &mut self,
-        scene: &Scene<'a, M, Y>,
-        tile: usize,
-        open: &OpenPixels,
-        batch: &mut [TileFace; FACES_AT_ONCE],
-    ) -> usize {
-        let lies_behind = |nearest: f64| !scene.k_buffer.exact_order || nearest > open.furthest;
-        let chunks = scene.bins.chunk_count();
-        let mut ready = 0;
-        while ready < FACES_AT_ONCE {
-            let Some((face, rest)) = self.faces.split_first() else {
-                let nobody_sees = |chunk: usize| open.count == 0 && lies_behind(scene.bins.nearest_from(chunk));
-                if self.next_chunk == chunks || scene.cancel.is_cancelled() || nobody_sees(self.next_chunk) {
-                    self.hidden +=
-                        (self.next_chunk..chunks).map(|c| scene.bins.items(c, tile).len() as u64).sum::<u64>();
-                    self.next_chunk = chunks;
-                    break;
-                }
-                self.faces = scene.bins.items(self.next_chunk, tile);
-                self.next_chunk += 1;
-                continue;
-            };
-            self.faces = rest;
-            let is_hidden =
-                open.furthest > f64::NEG_INFINITY && !open.has_some_in(face.bounds()) && lies_behind(face.nearest());
-            batch[ready] = *face;
-            ready += usize::from(!is_hidden);
-            self.hidden += u64::from(is_hidden);
-        }
-        ready
-    }
+    stats.faces_hidden = queue.hidden;
+    finish(scene, tile, (rays, &part), (&mut paths, lights), (scratch, pixels), &mut stats);
+    Some(stats)
 }
 
 /// Finds the first fragments of rays that begin within the active cells.
@@ -317,47 +270,159 @@ impl<'a> FaceQueue<'a> {
 fn begin_at_eye<M: Medium<Light = Accumulator>, Y: Layers>(
     scene: &Scene<'_, M, Y>,
     rays: &TileRays,
-    scratch: &mut TileScratch,
+    scratch: &mut FragmentScratch,
 ) {
-    let room = scene.room();
-    let is_rendered = |pixel: &usize| rays.rendered[pixel / TILE_PX] >> (pixel % TILE_PX) & 1 == 1;
     for &cell in scene.eye_cells {
-        for pixel in (0..PIXELS).filter(is_rendered) {
-            let count = &mut scratch.counts[pixel];
-            // A ray begins in one of the cells around the eye; more are possible only by rounding.
-            if let Some(start) = scene.start_at_eye(&rays.ray(scene.view, pixel), cell)
-                && (*count as usize) < BATCH
-            {
-                scratch.slots[pixel * room + *count as usize] = start;
-                *count += 1;
+        each(&rays.rendered, |pixel| {
+            if let Some(start) = scene.start_at_eye(&rays.ray(scene.view, pixel), cell) {
+                start.push_to(&mut scratch.fragments, pixel);
             }
-        }
+        });
     }
 }
 
-/// Sorts the fragments of a pixel and composites those that leave its buffer, all of them at the end; returns the number of fragments
-/// that had arrived.
+/// Finds the fragments of the next faces until there are so many in all; true at the end of the list.
 #[inline(always)]
-fn let_go<M: Medium<Light = Accumulator>, Y: Layers, A: Ahead>(
+fn collect<M: Medium<Light = Accumulator>, Y: Layers, L: Lanes>(
+    lanes: L,
     scene: &Scene<'_, M, Y>,
     rays: &TileRays,
-    scratch: &mut TileScratch,
-    pixel: usize,
-    light: &mut FragmentRay<M::Ray, A>,
-    is_last: bool,
-) -> u64 {
-    let k = usize::from(scene.k_buffer.k);
-    let (count, held) = (scratch.counts[pixel] as usize, scratch.held[pixel] as usize);
-    let fragments = &mut scratch.slots[pixel * scene.room()..][..count];
-    // Nothing behind an opaque depth is visible, whatever the order.
-    let leaving = if is_last || light.is_opaque { count } else { count.saturating_sub(k) };
-    if !light.is_opaque {
-        sort_in_window(fragments, held, k, scene.tie);
+    scratch: &mut FragmentScratch,
+    (queue, some_are_closed, most): (&mut FaceQueue<'_>, bool, usize),
+) -> bool {
+    let FragmentScratch { fragments, faces, batch, candidates, .. } = scratch;
+    while fragments.len() < most {
+        let ready = queue.take(&rays.rendered, some_are_closed, batch);
+        if ready == 0 {
+            return true;
+        }
+        faces.set(scene.view, scene.vertices, rays, &batch[..ready]);
+        for face in 0..ready {
+            faces.some_hits(lanes, face, (scene.view, scene.vertices), rays, candidates, |hits| {
+                let &Hits { which, pixels, depth, scalar, turned, cells: [front, behind] } = hits;
+                let at = |l: usize| RayPoint { depth: depth[l], scalar: scalar[l] };
+                fragments.push_some([front, behind], which & !turned, pixels, depth, at);
+                if which & turned != 0 {
+                    fragments.push_some([behind, front], which & turned, pixels, depth, at);
+                }
+            });
+        }
     }
-    let optics = scene.optics(&rays.ray(scene.view, pixel));
-    light.advance_all(&optics, &fragments[..leaving]);
-    fragments.copy_within(leaving.., 0);
-    let left = (count - leaving) as u32;
-    (scratch.counts[pixel], scratch.held[pixel]) = (left, left);
-    (count - held) as u64
+    false
+}
+
+/// The fragments that have been found by pixel.
+pub(super) type FragmentsByPixel<'a> = fragments::FragmentsByPixel<'a, RayPoint, [u32; 2]>;
+
+/// Puts the fragments of a pixel in order, of which `held` were so before; returns how many of them are certain to be in front of all that are
+/// still to come, which have at least the depth `bound`: in exact order, or as by the buffer of `k`.
+#[inline(always)]
+fn in_order<M, Y>(
+    scene: &Scene<'_, M, Y>,
+    by_pixel: FragmentsByPixel<'_>,
+    pixel: usize,
+    (held, bound): (u32, f64),
+    line: &mut Vec<Fragment>,
+) -> usize {
+    line.clear();
+    line.extend(by_pixel.some(by_pixel.range(pixel)).map(Fragment::from));
+    let (tie, KBuffer { k, exact_order }) = (scene.tie, scene.k_buffer);
+    if !exact_order {
+        sort_in_window(line, held as usize, usize::from(k), tie);
+        return if bound == f64::INFINITY { line.len() } else { line.len().saturating_sub(usize::from(k)) };
+    }
+    if !line.is_sorted_by(|a, b| b.depth - a.depth > tie) {
+        sort_all(line, tie);
+    }
+    let mut leaving = line.partition_point(|fragment| fragment.depth < bound - tie);
+    while leaving > 0 && leaving < line.len() && line[leaving].depth - line[leaving - 1].depth <= tie {
+        leaving -= 1;
+    }
+    leaving
+}
+
+/// Composites the fragments that are certain to be next, and holds back the others; returns the number of pieces.
+#[inline(always)]
+fn release<M: Medium<Light = Accumulator>, Y: Layers>(
+    scene: &Scene<'_, M, Y>,
+    rays: &TileRays,
+    (paths, lights): (&mut [Path; PIXELS], &mut Lights<'_, M::Ray, Y::Ahead<'_>>),
+    (scratch, pixels): (&mut FragmentScratch, &mut [TilePixel]),
+    bound: f64,
+) -> u64 {
+    let FragmentScratch { fragments, held, held_of, line, .. } = scratch;
+    let by_pixel = match scene.k_buffer.exact_order {
+        true => fragments.by_pixel(|words, _| {
+            sort_words(words);
+        }),
+        false => fragments.by_pixel(|_, _| ()),
+    };
+    let held_before = *held_of;
+    lights.begin_round(paths);
+    held.clear();
+    for pixel in 0..PIXELS {
+        if !by_pixel.range(pixel).is_empty() {
+            let path = &mut paths[pixel];
+            let staying = if let Some(leaving) = lights.advance_in_order(scene, by_pixel, pixel, (path, bound)) {
+                line.clear();
+                line.extend(by_pixel.some(leaving..by_pixel.range(pixel).end).map(Fragment::from));
+                &line[..]
+            } else {
+                let leaving = in_order(scene, by_pixel, pixel, (held_before[pixel], bound), line);
+                let (leaving, staying) = line.split_at(leaving);
+                lights.advance(scene, rays, pixel, (path, leaving));
+                staying
+            };
+            held_of[pixel] = staying.len() as u32;
+            held.extend(staying.iter().map(|&fragment| (pixel as u8, fragment)));
+        }
+        lights.end(pixel);
+    }
+    let pieces = lights.end_round(scene, rays, pixels);
+    for pixel in (0..PIXELS).filter(|_| scene.early_termination) {
+        let to_opaque = lights.path_to_opaque(rays, pixel, scene.tie, || {
+            let leaving = in_order(scene, by_pixel, pixel, (held_before[pixel], bound), line);
+            &line[..leaving]
+        });
+        paths[pixel] = to_opaque.unwrap_or(paths[pixel]);
+    }
+    pieces
+}
+
+/// Keeps the fragments that are held back, of rays that go on, for the next round.
+fn hold(scratch: &mut FragmentScratch, paths: &[Path; PIXELS]) {
+    let FragmentScratch { fragments, held, .. } = scratch;
+    fragments.clear();
+    for (pixel, fragment) in held.iter().filter(|(pixel, _)| !paths[usize::from(*pixel)].is_opaque) {
+        fragment.push_to(fragments, usize::from(*pixel));
+    }
+}
+
+/// Draws pixels again whose order was wrong, and gives all that were drawn to the image.
+#[inline(always)]
+fn finish<M: Medium<Light = Accumulator>, Y: Layers>(
+    scene: &Scene<'_, M, Y>,
+    tile: usize,
+    (rays, part): (&mut TileRays, &TileBits),
+    (paths, lights): (&mut [Path; PIXELS], Lights<'_, M::Ray, Y::Ahead<'_>>),
+    (scratch, pixels): (&mut FragmentScratch, &mut [TilePixel]),
+    stats: &mut FrameStats,
+) {
+    let again = of_pixels(|pixel| {
+        let path = &paths[pixel];
+        let is_in_order = path.out_of_order == 0 && (path.is_whole() || !scene.is_complete);
+        scene.k_buffer.exact_order && has(part, pixel) && !is_in_order
+    });
+    each(part, |pixel| {
+        stats.out_of_order += u64::from(paths[pixel].out_of_order);
+        stats.segments += lights.give(rays, pixel, pixels);
+    });
+    if again != TileBits::default() {
+        stats.pixels_resolved_again += count_of(&again) as u64;
+        stats.segments += resolve_again(scene, tile, (rays, &again), scratch, (paths, pixels));
+    }
+    each(part, |pixel| {
+        stats.rays_stopped_early += u64::from(paths[pixel].is_opaque);
+        stats.rays_hit += u64::from(paths[pixel].last.depth > f64::NEG_INFINITY);
+    });
 }

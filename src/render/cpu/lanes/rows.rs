@@ -123,6 +123,11 @@ pub(in crate::render::cpu) struct Unfinished {
     pub(in crate::render::cpu) opaque_from: f64,
 }
 
+impl Unfinished {
+    /// A ray without light.
+    pub(in crate::render::cpu) const NONE: Self = Self { transmittance: 1.0, carried: 0.0, opaque_from: f64::INFINITY };
+}
+
 /// Output of finished rays.
 pub(in crate::render::cpu) struct Out<'a> {
     pub(in crate::render::cpu) pixels: &'a mut [TilePixel],
