@@ -52,6 +52,7 @@ pub mod point_params;
 pub mod resources;
 mod shader_parts;
 pub mod shaders;
+mod stage_parts;
 pub mod variants;
 
 #[cfg(test)]
