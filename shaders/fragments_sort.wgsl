@@ -1,10 +1,6 @@
 // Fragments sort: one round of a bitonic sorting network over the fragments of all deep pixels; a workgroup is a tile, all its
 // threads work on one pixel after the other. One thread alone would take too long: systems reset a GPU that does not answer,
-// and software drivers abort loops after a number of rounds.
-//
-// The network (Batcher, "Sorting networks and their applications", 1968) in the form in which all comparisons point the same
-// way: a fragment is compared with the one whose place differs in the bits of `sort_mask`. Lists may have any length: places
-// behind the end count as the greatest, and stay there.
+// and software drivers abort loops after a number of rounds. The network is in lib/network.wgsl.
 
 @compute @workgroup_size(256)
 fn fragments_sort(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
@@ -13,16 +9,13 @@ fn fragments_sort(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
         return;
     }
     let mask = list_params.sort_mask;
-    // The highest bit in which the two places differ: the nearer place has it unset.
-    let bit = firstLeadingBit(mask);
-    let below = (1u << bit) - 1u;
     for (var local = list_params.first_pixel; local < list_params.end_pixel; local++) {
         let fragments = fragments_of(tile, local);
         if fragments.y <= DEEP {
             continue;
         }
         for (var i = thread; ; i += 256u) {
-            let near = ((i & ~below) << 1u) | (i & below);
+            let near = near_place(i, mask);
             if near >= fragments.y {
                 break;
             }

@@ -33,13 +33,18 @@ fn face_box(a: ViewVertex, b: ViewVertex, c: ViewVertex) -> vec4<i32> {
 
 // The box of the places between two x and between two y on the image plane.
 fn box_between(x: vec2<f32>, y: vec2<f32>) -> vec4<i32> {
-    let last = vec2<i32>(params.image_px) - vec2(1);
+    let last = vec2<f32>(params.image_px) - vec2(1.0);
     let across = x / params.pitch.x;
     let upwards = y / params.pitch.z;
     // Rounding is below 2^-20 of the image's size; the pad is 1/16 of a pixel, and images have at most 2^15 of them.
-    let columns = 0.5 * (across + f32(last.x)) + vec2(-0.0625, 0.0625);
-    let rows = 0.5 * (vec2(-upwards.y, -upwards.x) + f32(last.y)) + vec2(-0.0625, 0.0625);
-    let end = vec2<f32>(last);
+    let columns = 0.5 * (across + last.x) + vec2(-0.0625, 0.0625);
+    let rows = 0.5 * (vec2(-upwards.y, -upwards.x) + last.y) + vec2(-0.0625, 0.0625);
+    return places_between(columns, rows);
+}
+
+// The box of the places between two columns and between two rows of the image, which are counted from the middle of its first pixel.
+fn places_between(columns: vec2<f32>, rows: vec2<f32>) -> vec4<i32> {
+    let end = vec2<f32>(params.image_px) - vec2(1.0);
     // Clamped before conversion: infinities are not integers.
     let first = vec2(clamp(ceil(columns.x), 0.0, end.x + 1.0), clamp(ceil(rows.x), 0.0, end.y + 1.0));
     let final_ = vec2(clamp(floor(columns.y), -1.0, end.x), clamp(floor(rows.y), -1.0, end.y));

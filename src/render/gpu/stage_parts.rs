@@ -14,7 +14,7 @@ impl Stage {
                 vec![mixed, if valued == Valued::Each { lib::VALUES_AS_STORED } else { lib::VALUES_OF_PARTS }]
             }
             Self::Present => vec![],
-            Self::ViewTransform => vec![lib::FRAME, lib::SUMS],
+            Self::ViewTransform => vec![lib::FRAME, lib::SUMS, lib::VIEW],
             Self::EntriesCount | Self::EntriesStore => vec![lib::FRAME, lib::CELLS, lib::BOXES, lib::ITEMS],
             Self::EntriesScan => vec![lib::FRAME, lib::SATURATING],
             Self::Walk(along, precision) => walking(along, precision),
@@ -33,7 +33,9 @@ impl Stage {
             }
             Self::FaceStarts(pass, precision) => finding(Element::Face, pass, precision),
             Self::FragmentScan => [&[lib::FRAME][..], &LISTS, &[lib::SATURATING]].concat(),
-            Self::FragmentSort(element, _) => [&[lib::FRAME][..], &LISTS, &STORED, &[order(element)]].concat(),
+            Self::FragmentSort(element, _) => {
+                [&[lib::FRAME][..], &LISTS, &STORED, &[order(element), lib::NETWORK]].concat()
+            }
             Self::Resolve(element, along, precision) => {
                 let surfaces = match along.inside {
                     Inside::Volume => &[][..],
