@@ -207,7 +207,7 @@ impl CellWalk {
         }
         active.next_tile = tiles.end;
         let total = if fills { None } else { Some((bins.get(&self.context)?, 4 * active.tile_count as u64, 1)) };
-        let sent = self.readback.send(&self.context, encoder, target, (tiles, has_pixels), total)?;
+        let sent = self.readback.send(&self.context, encoder, target, (tiles, has_pixels), total.as_slice())?;
         self.in_flight.push_back(sent);
         Ok(())
     }

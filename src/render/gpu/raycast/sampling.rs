@@ -144,8 +144,8 @@ impl CellWalk {
             let walk = Stage::WalkRays(Along::of(&active.job), active.precision);
             self.scene.rays.record(&self.context, walk, groups, &mut pass)?;
         }
-        let head = Some((self.scene.rays.rays.get(&self.context)?, 0, RayLists::HEAD));
-        let sent = self.readback.send(&self.context, encoder, &active.target, (0..0, false), head)?;
+        let head = [(self.scene.rays.rays.get(&self.context)?, 0, RayLists::HEAD)];
+        let sent = self.readback.send(&self.context, encoder, &active.target, (0..0, false), &head)?;
         self.in_flight.push_back(sent);
         Ok(())
     }
