@@ -1,4 +1,5 @@
-// Entries, second part: turns the item counts of the tiles into the places of their first items; the sum goes behind the last.
+// Entries, second part: turns the item counts of the tiles into the places of their first items; the sum goes behind the last. The same for
+// splats of flow.
 
 const THREADS: u32 = 256u;
 var<workgroup> sums: array<u32, THREADS>;

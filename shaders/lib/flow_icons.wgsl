@@ -3,8 +3,6 @@
 // For each icon, level and row the sums of the texels before each, from half a period before the period to half of one behind it, so that
 // a box has a place for either end: the sum and the texel of the row, then of the next one.
 
-const ICON_ROWS: u32 = 64u;
-const ICON_LEVELS: u32 = 7u;
 const ICON_COLUMNS: u32 = 129u;
 // Columns before the period.
 const ICON_BEFORE: f32 = 32.0;

@@ -1,24 +1,8 @@
-// Splats of flow on the ray, from the list of its tile. CPU twins: `Splat::seen` in render/flow/lanes.rs, `Splat::light` in
-// render/flow/rows.rs, `Kernel::light` in render/flow/kernel.rs and `Inside::has` in render/cpu/layers/inside.rs; render/flow/lists.rs lists
-// them.
-//
-// `flow_lists` has the head: what kernels are, whether splats are cut at the cells, and whether there are fragments of other layers; for each
-// tile where its list begins and how many places it has; the splats; and the places, nearest first:
-//
-// splat   periods along and across per pixel to the right and down
-//         depth as `Params` counts as a sum of two, length of the pattern's box in texels, opacity of the kernel
-//         colour, and opacity of the icon
-//         contrast, share of the next icon, number of the icon times 8 and level, what the pattern is without contrast
-//         colour of the kernel, and its optical depth
-// place   in the middle of the tile: distances from the centre in widths along two axes of the kernel; of the first per pixel to the right and
-//         down
-//         of the second per pixel down, place in the pattern along and across, number of the splat
+// Splats of flow on the ray, from the list of its tile (flow_layout.wgsl). CPU twins: `Splat::seen` in render/flow/lanes.rs, `Splat::light` in
+// render/flow/rows.rs, `Kernel::light` in render/flow/kernel.rs and `Inside::has` in render/cpu/layers/inside.rs.
 //
 // `flow_inside` has for each pixel an interval of depths, as two sums of two, or NOWHERE, the number of intervals, and where they lie.
 
-const FLOW_HEAD: u32 = 1u;
-const SPLAT_TEXELS: u32 = 5u;
-const PLACE_TEXELS: u32 = 2u;
 // What kernels are: none, smooth, or as in the paper.
 const NO_KERNELS: f32 = 0.0;
 const SMOOTH_KERNELS: f32 = 1.0;
@@ -50,8 +34,7 @@ fn texel_of_flow(at: u32) -> vec4<f32> {
 // Begins a ray, at a place in the plane that is rendered.
 fn splats_begin(place: vec2<u32>) {
     let tile = place / TILE_PX;
-    let middle = (tile * TILE_PX + vec2(TILE_PX / 2u)) * params.stride_px;
-    let beside = vec2<f32>(vec2<i32>(pixel_at(place)) - vec2<i32>(middle));
+    let beside = vec2<f32>(vec2<i32>(pixel_at(place)) - vec2<i32>(pixel_at(middle_of_tile(tile))));
     let list = integers(texel_of_flow(FLOW_HEAD + tile.y * params.tiles.x + tile.x));
     let ray = place.y * params.size_px.x + place.x;
     splats = Splats(texel_of_flow(0u), beside, ray, list.x, list.y, vec2(NOWHERE, 0.0), vec4(0.0), 0u, 0u);
@@ -78,7 +61,7 @@ fn next_splat() {
 
 // Whether a splat is seen at this squared distance in widths; `at` is the place in its pattern, in the middle of the tile.
 fn look_at_splat(number: u32, squared: f32, at: vec2<f32>) -> bool {
-    let first = FLOW_HEAD + params.tiles.x * params.tiles.y + SPLAT_TEXELS * number;
+    let first = texel_of_splat(number);
     let window = max(exp_neg(0.5 * squared) - SPLAT_LEAST, 0.0) * (1.0 / (1.0 - SPLAT_LEAST));
     let placed = texel_of_flow(first + 1u);
     let color = texel_of_flow(first + 2u);

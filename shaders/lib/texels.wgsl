@@ -13,3 +13,10 @@ fn integers(digits: vec4<f32>) -> vec2<u32> {
     let numbers = vec4<u32>(digits);
     return numbers.xz * COUNT_BASE + numbers.yw;
 }
+
+// The digits of two integers.
+fn digits(numbers: vec2<u32>) -> vec4<f32> {
+    let high = numbers / COUNT_BASE;
+    let low = numbers % COUNT_BASE;
+    return vec4<f32>(vec4(high.x, low.x, high.y, low.y));
+}

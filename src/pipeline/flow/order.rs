@@ -135,8 +135,7 @@ impl OrderFlow {
         if draws {
             self.release();
             #[cfg(feature = "gpu")]
-            splats.reach();
-            told(stats, splats.counts(), 0);
+            told(stats, splats.make_ready(), 0);
             return Ok((Some(Arc::new(splats)), None));
         }
         let (fragments, counts) = splats.fragments(self.spare())?;

@@ -3,6 +3,8 @@
 //! A kernel is a Gaussian cloud around its site with the colour and the extinction of the site's scalar, composited after it was classified.
 
 use super::FlowFidelity;
+#[cfg(feature = "gpu")]
+use super::FlowScene;
 use super::splat::END;
 use crate::field::Scalars;
 use crate::node_table::{Node, NodeTable};
@@ -50,6 +52,37 @@ impl Kernels {
     }
 }
 
+/// The kernel of a splat before it is projected.
+#[cfg(feature = "gpu")]
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ReadyKernel {
+    color: [f64; 3],
+    /// Optical depth of the ray through its centre, per local unit that its site's shape is wide there.
+    thickness: f64,
+    /// Optical depth at which it stands for its site's volume, times the root of its covariance's determinant in square local units.
+    depth: f64,
+}
+
+#[cfg(feature = "gpu")]
+impl ReadyKernel {
+    /// Its colour, and its optical depths.
+    pub(super) fn numbers(&self) -> [f64; 5] {
+        let [r, g, b] = self.color;
+        [r, g, b, self.thickness, self.depth]
+    }
+}
+
+#[cfg(feature = "gpu")]
+impl Kernels {
+    /// The kernel of a site of a scene; `None` without extinction.
+    pub(super) fn ready(&self, site: u32, scene: &FlowScene) -> Option<ReadyKernel> {
+        let Node { rgb, tau, .. } = self.node(site).filter(|node| node.tau > 0.0)?;
+        let tau = tau * scene.mesh.positions.scale;
+        let depth = tau * self.volumes[site as usize] / (TAU * window_mass());
+        Some(ReadyKernel { color: rgb, thickness: tau * TAU.sqrt() * scene.style.size, depth })
+    }
+}
+
 /// The kernel of a splat on the screen.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Kernel {
@@ -80,7 +113,7 @@ impl Kernel {
     }
 
     /// Its colour, its optical depth, and its opacity.
-    #[cfg(feature = "gpu")]
+    #[cfg(all(test, feature = "gpu"))]
     pub(super) fn numbers(&self) -> ([f64; 3], f64, f64) {
         (self.color, self.depth, self.opacity)
     }

@@ -5,9 +5,10 @@
 //!
 //! ```text
 //! for each site with a vector: its splat on the screen            splat.rs
-//! splats in order of (depth, site)
+//! splats in order of (depth, site)                                splats.rs
 //! for each row of pixels: what each splat has there               rows.rs, lanes.rs
-//! or for each tile: its splats, which rays on a GPU draw          lists.rs
+//! or as words for a GPU, which projects them, and lists them for
+//! each tile of pixels                                             ready.rs
 //! ```
 //!
 //! All fragments of a splat are at its centre's depth along the view direction, so that one order holds in every pixel. Those that hang out of
@@ -17,29 +18,31 @@
 mod icon;
 mod kernel;
 mod lanes;
-#[cfg(feature = "gpu")]
-mod lists;
 mod mixture;
 mod names;
 mod picture;
+#[cfg(feature = "gpu")]
+mod ready;
 mod rows;
 mod splat;
 mod splats;
 #[cfg(test)]
 mod tests;
+#[cfg(feature = "gpu")]
+mod texels;
 
 pub use icon::Icon;
 pub(in crate::render) use icon::TEXELS;
 pub use kernel::FlowVolume;
 pub(crate) use kernel::Kernels;
-#[cfg(all(test, feature = "gpu"))]
-pub(in crate::render) use lists::layout_of_lists;
 pub(crate) use mixture::Mixture;
 pub use mixture::{FlowIcons, Pattern, Thresholds};
 pub use names::IconName;
 pub use picture::{Picture, Unfit};
 pub(in crate::render) use splat::{COMPRESSED, END, PIXEL};
 pub use splats::FlowSplats;
+#[cfg(all(test, feature = "gpu"))]
+pub(in crate::render) use texels::{constants_of_drawing, constants_of_projecting};
 
 use super::cpu::layers::{Inside, InsideFinder};
 use super::surfaces::FieldBeside;

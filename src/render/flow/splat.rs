@@ -54,9 +54,20 @@ pub(super) fn smoothstep(at: f64) -> f64 {
     at * at * (3.0 - 2.0 * at)
 }
 
-impl Splat {
-    /// The splat of a site; `None` if there is none, or none in view.
-    pub(super) fn of(scene: &FlowScene, site: u32, view: &View) -> Option<Self> {
+/// What a site's splat is before it is projected.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Unprojected {
+    /// Unit vector of the flow; 0 if nothing flows.
+    pub(super) direction: DVec3,
+    pub(super) color: [f64; 3],
+    pub(super) mix: Mix,
+    /// Whether it has an icon.
+    pub(super) flows: bool,
+}
+
+impl Unprojected {
+    /// That of a site; `None` if it has no splat.
+    pub(super) fn of(scene: &FlowScene, site: u32) -> Option<Self> {
         let vector = scene.vector(site);
         // The length of a vector of large numbers is not finite in itself.
         let direction = (vector / vector.abs().max_element()).normalize_or_zero();
@@ -65,22 +76,21 @@ impl Splat {
         if !(flows || scene.kernels.is_some()) || !scene.shows(site) {
             return None;
         }
-        let at = view.to_view(scene.center(site));
-        if at.z <= view.near_depth() {
-            return None;
-        }
-        let screen = Screen::at(view, at);
-        let (size, period) = (scene.style.size, scene.period());
-        let shape = scene.shapes.of_sites[site as usize].map(|s| size * size * s);
+        Some(Self { direction, color: color.unwrap_or_default(), mix: mix.unwrap_or_default(), flows })
+    }
+}
+
+impl Splat {
+    /// The splat of a site; `None` if there is none, or none in view.
+    pub(super) fn of(scene: &FlowScene, site: u32, view: &View) -> Option<Self> {
+        let Unprojected { direction, color, mix, flows } = Unprojected::of(scene, site)?;
+        let (at, screen, shape) = Screen::around(scene, site, view)?;
         let ([xx, xy, yy], determinant) = screen.covariance(&shape);
-        let [half_width, half_height] = [xx, yy].map(|variance| END * variance.sqrt());
-        let is_beside = |at: f64, half: f64, count: usize| at + half <= 0.0 || at - half >= count as f64;
-        let DVec2 { x, y } = screen.center;
-        if is_beside(x, half_width, view.width_px) || is_beside(y, half_height, view.height_px) {
+        if !screen.reaches(view, [xx, yy]) {
             return None;
         }
         let form = [yy / determinant, -xy / determinant, xx / determinant];
-        if !(form.iter().all(|f| f.is_finite()) && period > 0.0 && xx.is_finite() && yy.is_finite()) {
+        if !(form.iter().all(|f| f.is_finite()) && scene.period() > 0.0) {
             return None;
         }
         let kernel = scene.kernels.is_some().then(|| screen.kernel(scene, site, &shape, determinant));
@@ -90,7 +100,7 @@ impl Splat {
         let projected = screen.project(direction);
         let length = projected.length();
         let foreshortening = length / screen.per_unit;
-        let per_period = period * screen.per_unit;
+        let per_period = scene.period() * screen.per_unit;
         let frequency = [foreshortening.recip().min(COMPRESSED) / per_period, per_period.recip()];
         let blur = if flows { scene.blur(site) } else { 0.0 };
         Some(Self {
@@ -98,7 +108,7 @@ impl Splat {
             site,
             center: screen.center,
             form,
-            half_height,
+            half_height: END * yy.sqrt(),
             along: if length > 0.0 { projected / length } else { DVec2::X },
             frequency,
             phase: scene.phase(site),
@@ -106,11 +116,20 @@ impl Splat {
             width: IconSums::width(frequency[0] + blur),
             level: IconSums::level(frequency[1]),
             contrast: scene.style.fidelity.contrast(foreshortening),
-            mix: mix.unwrap_or_default(),
-            color: color.unwrap_or_default(),
+            mix,
+            color,
             flows,
             kernel: kernel.flatten(),
         })
+    }
+
+    /// The depth of a site whose splat is in view, its centre there, and half of its width and height, in pixels.
+    #[cfg(feature = "gpu")]
+    pub(super) fn extent(scene: &FlowScene, site: u32, view: &View) -> Option<(f64, DVec2, [f64; 2])> {
+        let (at, screen, shape) = Screen::around(scene, site, view)?;
+        let variances = screen.ways(&shape).map(|way| way + PIXEL);
+        let is_seen = screen.reaches(view, variances);
+        is_seen.then(|| (at.z, screen.center, variances.map(|variance| END * variance.sqrt())))
     }
 }
 
@@ -126,6 +145,25 @@ struct Screen {
 }
 
 impl Screen {
+    /// A site in view coordinates, the projection around it, and its kernel's shape in space; `None` if it is before the near plane.
+    fn around(scene: &FlowScene, site: u32, view: &View) -> Option<(DVec3, Self, Symmetric)> {
+        let at = view.to_view(scene.center(site));
+        if at.z <= view.near_depth() {
+            return None;
+        }
+        let size = scene.style.size;
+        Some((at, Self::at(view, at), scene.shapes.of_sites[site as usize].map(|s| size * size * s)))
+    }
+
+    /// Whether a splat with these variances to the right and down reaches the image.
+    fn reaches(&self, view: &View, variances: [f64; 2]) -> bool {
+        let [half_width, half_height] = variances.map(|variance| END * variance.sqrt());
+        let is_beside = |at: f64, half: f64, count: usize| at + half <= 0.0 || at - half >= count as f64;
+        let DVec2 { x, y } = self.center;
+        let is_beside = is_beside(x, half_width, view.width_px) || is_beside(y, half_height, view.height_px);
+        !is_beside && variances.iter().all(|variance| variance.is_finite())
+    }
+
     /// Around a point in view coordinates, in front of the eye.
     fn at(view: &View, at: DVec3) -> Self {
         let (depth, slope) = if view.perspective { (at.z, 1.0) } else { (1.0, 0.0) };
@@ -166,13 +204,15 @@ impl Screen {
     /// J S J^T and a pixel's variance (xx, xy, yy), and the determinant. A needle keeps it: it is n^T adj(S) n with n the product of J's rows,
     /// of which no part is negative, not a difference of large numbers.
     fn covariance(&self, shape: &Symmetric) -> ([f64; 3], f64) {
-        let [a, b] = self.rows;
-        let of = |a: DVec3, b: DVec3| a.dot(times(shape, b));
-        let [along, mixed, down] = [of(a, a), of(a, b), of(b, b)];
-        let n = a.cross(b);
-        let determinant =
-            n.dot(times(&adjugate(shape), n)).max(0.0) + PIXEL * (along.max(0.0) + down.max(0.0)) + PIXEL * PIXEL;
-        ([along.max(0.0) + PIXEL, mixed, down.max(0.0) + PIXEL], determinant)
+        let ([a, b], [along, down]) = (self.rows, self.ways(shape));
+        let (mixed, n) = (a.dot(times(shape, b)), a.cross(b));
+        let determinant = n.dot(times(&adjugate(shape), n)).max(0.0) + PIXEL * (along + down) + PIXEL * PIXEL;
+        ([along + PIXEL, mixed, down + PIXEL], determinant)
+    }
+
+    /// J S J^T without a pixel's variance: xx and yy.
+    fn ways(&self, shape: &Symmetric) -> [f64; 2] {
+        self.rows.map(|row| row.dot(times(shape, row)).max(0.0))
     }
 }
 
@@ -187,6 +227,13 @@ fn adjugate(&[xx, xy, xz, yy, yz, zz]: &Symmetric) -> Symmetric {
 
 #[cfg(test)]
 impl Splat {
+    /// Periods of the pattern along and across, per pixel to the right and down.
+    #[cfg(feature = "gpu")]
+    pub(super) fn periods_per_pixel(&self) -> [DVec2; 2] {
+        let (DVec2 { x, y }, [along, across]) = (self.along, self.frequency);
+        [along * DVec2::new(x, y), across * DVec2::new(y, -x)]
+    }
+
     pub(super) fn pattern(&self) -> (DVec2, [f64; 2]) {
         (self.along, self.frequency)
     }

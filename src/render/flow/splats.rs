@@ -1,65 +1,50 @@
-//! The splats of a view: renderers draw their fragments, or, on a GPU, their lists by tiles.
+//! The splats of a view: renderers draw their fragments, or, on a GPU, project and list them.
 
 use super::super::cpu::layers::Inside;
-#[cfg(feature = "gpu")]
-use super::FlowFidelity;
 use super::icon::IconSums;
-#[cfg(feature = "gpu")]
-use super::lists::Strip;
 use super::mixture::Pattern;
+#[cfg(feature = "gpu")]
+use super::ready::Ready;
 use super::splat::Splat;
 use super::{FlowCounts, FlowScene, Thresholds, rows};
 use crate::camera::{Samples, View};
 use crate::render::{LayerFragments, RenderError};
 use rayon::prelude::*;
-use std::sync::Arc;
-#[cfg(feature = "gpu")]
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 /// The splats of a frame in its view.
 #[derive(Debug)]
 pub struct FlowSplats {
-    /// In the order of (depth, site).
-    pub(super) splats: Vec<Splat>,
+    /// What they are of.
+    scene: FlowScene,
+    /// The view, in local coordinates.
+    view: View,
     /// The icons that they are of.
     pub(super) patterns: Vec<Pattern>,
-    /// Opacity of an icon where it is 1.
-    pub(super) opacity: f64,
-    /// How their kernels are composited; `None` if they have none.
-    #[cfg(feature = "gpu")]
-    pub(super) kernels: Option<FlowFidelity>,
     /// Where they are drawn; `None`: everywhere.
     pub(super) inside: Option<Arc<Inside>>,
-    /// The view, in local coordinates.
-    pub(super) view: View,
-    /// World length of a local unit.
-    per_unit: f64,
     /// The fragments of the frame's other layers, which lie in front at equal depths.
     others: Option<Arc<LayerFragments>>,
-    /// The tiles that they reach, once these are known; `None`: too many.
+    /// On the screen, in the order of (depth, site), once somebody asks for their fragments.
+    projected: OnceLock<Vec<Splat>>,
+    /// In that order, as a GPU projects them, once one does.
     #[cfg(feature = "gpu")]
-    pub(super) reached: OnceLock<Option<Vec<Strip>>>,
+    ready: OnceLock<Ready>,
 }
 
 impl FlowScene {
     /// The splats in a view in local coordinates.
     pub(crate) fn splats(&self, view: &View) -> FlowSplats {
-        let seen = |site: u32| Splat::of(self, site, view);
-        let mut splats: Vec<Splat> = self.sites().into_par_iter().filter_map(seen).collect();
-        splats.par_sort_by(|a, b| a.depth.total_cmp(&b.depth).then(a.site.cmp(&b.site)));
         let Thresholds { first, further } = self.patterns();
         FlowSplats {
-            splats,
-            patterns: std::iter::once(first).chain(further.into_iter().map(|(_, icon)| icon)).collect(),
-            opacity: self.style.opacity,
-            #[cfg(feature = "gpu")]
-            kernels: self.kernels.is_some().then_some(self.style.fidelity),
-            inside: self.inside(view),
+            scene: self.clone(),
             view: view.clone(),
-            per_unit: self.mesh.positions.scale,
+            patterns: std::iter::once(first).chain(further.into_iter().map(|(_, icon)| icon)).collect(),
+            inside: self.inside(view),
             others: None,
+            projected: OnceLock::new(),
             #[cfg(feature = "gpu")]
-            reached: OnceLock::new(),
+            ready: OnceLock::new(),
         }
     }
 }
@@ -76,6 +61,12 @@ impl FlowSplats {
         &self.patterns
     }
 
+    /// What they are of.
+    #[cfg(feature = "gpu")]
+    pub(in crate::render) fn scene(&self) -> &FlowScene {
+        &self.scene
+    }
+
     /// The fragments of the frame's other layers.
     pub(in crate::render) fn others(&self) -> Option<&Arc<LayerFragments>> {
         self.others.as_ref()
@@ -87,10 +78,33 @@ impl FlowSplats {
         columns * rows
     }
 
-    /// The number of splats, and of fast ones.
+    /// The splats on the screen, in the order of (depth, site).
+    pub(super) fn projected(&self) -> &[Splat] {
+        self.projected.get_or_init(|| {
+            let seen = |site: u32| Splat::of(&self.scene, site, &self.view);
+            let mut splats: Vec<Splat> = self.scene.sites().into_par_iter().filter_map(seen).collect();
+            splats.par_sort_by(|a, b| a.depth.total_cmp(&b.depth).then(a.site.cmp(&b.site)));
+            splats
+        })
+    }
+
+    /// The splats in that order, as a GPU projects them.
+    #[cfg(feature = "gpu")]
+    pub(in crate::render) fn ready(&self) -> &Ready {
+        self.ready.get_or_init(|| Ready::of(&self.scene, &self.view, &self.patterns))
+    }
+
+    /// Makes them ready for a GPU. Returns the number of splats, and of fast ones.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn make_ready(&self) -> FlowCounts {
+        self.ready().counts
+    }
+
+    /// The number of splats on the screen, and of fast ones.
     pub(crate) fn counts(&self) -> FlowCounts {
-        let fast = self.splats.iter().filter(|splat| FlowCounts::is_fast(splat.blur)).count() as u64;
-        FlowCounts { splats: self.splats.len() as u64, fast, outside: 0 }
+        let splats = self.projected();
+        let fast = splats.iter().filter(|splat| FlowCounts::is_fast(splat.blur)).count() as u64;
+        FlowCounts { splats: splats.len() as u64, fast, outside: 0 }
     }
 
     /// The fragments of the splats, in the memory of others that nobody needs, if there are some.
@@ -111,8 +125,9 @@ impl FlowSplats {
     ) -> Result<(LayerFragments, FlowCounts), RenderError> {
         let icons: Vec<&IconSums> = self.patterns.iter().map(Pattern::sums).collect();
         let spare = spare.map(LayerFragments::into_lists).unwrap_or_default();
-        let (of_icons, of_view) = ((&icons[..], self.opacity), (view, self.inside.as_deref()));
-        let (fragments, outside) = rows::fragments(&self.splats, of_icons, of_view, self.per_unit, spare)?;
+        let (of_icons, of_view) = ((&icons[..], self.scene.style.opacity), (view, self.inside.as_deref()));
+        let (splats, per_unit) = (self.projected(), self.scene.mesh.positions.scale);
+        let (fragments, outside) = rows::fragments(splats, of_icons, of_view, per_unit, spare)?;
         Ok((fragments, FlowCounts { outside, ..self.counts() }))
     }
 

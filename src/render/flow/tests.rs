@@ -14,6 +14,8 @@ use glam::DVec2;
 mod gpu;
 mod mixture;
 mod outside;
+#[cfg(feature = "gpu")]
+mod stages;
 
 fn mesh(side: usize) -> Arc<Mesh> {
     Arc::new(Mesh::build(jittered(kuhn_grid([side; 3]), &mut Random::new(side as u64))).unwrap().0)

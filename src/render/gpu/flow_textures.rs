@@ -1,18 +1,17 @@
-//! Splats of flow in the GPU's memory (`shaders/lib/flow_splats.wgsl`).
+//! What a GPU draws splats of flow from (`shaders/lib/flow_splats.wgsl`).
 
 use super::context::Context;
 use super::layout::Params;
 use super::resources::Resource;
+use super::splat_lists::SplatLists;
 use super::texels::{Sent, TexelList};
 use crate::render::cpu::layers::Inside;
 use crate::render::flow::{FlowSplats, Pattern};
 use crate::render::{RenderError, RenderJob};
-use std::sync::Arc;
 
 /// Textures of splats by tiles, of icons, and of depths inside of cells.
 pub(super) struct FlowTextures {
-    listed: Option<Sent<FlowSplats>>,
-    lists: TexelList,
+    pub(super) lists: SplatLists,
     icons_of: Vec<Pattern>,
     icons: TexelList,
     inside_of: Option<Sent<Inside>>,
@@ -22,8 +21,7 @@ pub(super) struct FlowTextures {
 impl FlowTextures {
     pub(super) fn new() -> Self {
         Self {
-            listed: None,
-            lists: TexelList::new(Resource::FlowLists),
+            lists: SplatLists::new(),
             icons_of: Vec::new(),
             icons: TexelList::new(Resource::FlowIcons),
             inside_of: None,
@@ -33,7 +31,7 @@ impl FlowTextures {
 
     /// The textures, as stages bind them.
     pub(super) fn views(&self) -> impl Iterator<Item = (Resource, &wgpu::TextureView)> {
-        [&self.lists, &self.icons, &self.inside].into_iter().filter_map(TexelList::view)
+        self.lists.views().chain([&self.icons, &self.inside].into_iter().filter_map(TexelList::view))
     }
 
     /// Uploads what the splats of a job need, if it has some, unless it is there. Returns whether a texture was made, and the bytes sent.
@@ -46,7 +44,7 @@ impl FlowTextures {
         let Some(flow) = &job.flow else { return Ok((self.release(context)?, 0)) };
         let origin = params.depth_behind_eye();
         let parts = [
-            self.update_lists(context, flow, origin)?,
+            self.lists.update(context, flow, params)?,
             self.update_icons(context, flow)?,
             self.update_inside(context, flow, origin)?,
         ];
@@ -55,29 +53,12 @@ impl FlowTextures {
 
     /// Frees what splats need.
     fn release(&mut self, context: &Context) -> Result<bool, RenderError> {
-        (self.listed, self.icons_of, self.inside_of) = (None, Vec::new(), None);
-        let mut made = false;
-        for list in [&mut self.lists, &mut self.icons, &mut self.inside] {
+        (self.icons_of, self.inside_of) = (Vec::new(), None);
+        let mut made = self.lists.release(context)?;
+        for list in [&mut self.icons, &mut self.inside] {
             made |= list.release(context, false)?;
         }
         Ok(made)
-    }
-
-    fn update_lists(
-        &mut self,
-        context: &Context,
-        flow: &Arc<FlowSplats>,
-        origin: f64,
-    ) -> Result<(bool, u64), RenderError> {
-        if self.listed.as_ref().is_some_and(|sent| sent.is_of(flow, origin)) {
-            return Ok((false, 0));
-        }
-        self.listed = None;
-        let listed = flow.list(origin, TexelList::most(context), &mut self.lists.texels);
-        listed.map_err(|problem| context.beyond(problem))?;
-        let sent = self.lists.send(context)?;
-        self.listed = Some(Sent::new(flow, origin));
-        Ok(sent)
     }
 
     fn update_icons(&mut self, context: &Context, flow: &FlowSplats) -> Result<(bool, u64), RenderError> {

@@ -1,12 +1,15 @@
 //! Structs and constants of the shaders against the Rust ones, without a GPU.
 
+use super::flow_layout::{FlowLists, FlowParams};
 use super::layout::{
     self, JointParams, LayerLists, ListParams, Lists, Params, RayLists, RayParams, SheetParams, SurfaceParams,
     UpsampleParams, VqStep,
 };
 use super::point_params::{PointParams, point_flags};
 use super::shader_tests::{SPLITS, module, parse, parse_with};
-use super::shaders::{Along, Element, FragmentKind, Gathering, Inside, OtherLayers, Pass, Precision, Stage, stages};
+use super::shaders::{
+    Along, Element, FLOW, FragmentKind, Gathering, Inside, OtherLayers, Pass, Precision, Stage, stages,
+};
 use crate::optics::OpticsKind;
 use crate::optics::table3d::Table3dParams;
 use std::mem::offset_of;
@@ -196,9 +199,38 @@ fn lists_in_textures_have_the_same_layout() {
         assert_eq!(constant(module, "COUNT_BASE"), f64::from(layout::COUNT_BASE));
     }
     #[cfg(feature = "gpu")]
-    for (name, rust) in crate::render::flow::layout_of_lists() {
+    for (name, rust) in crate::render::flow::constants_of_drawing() {
         assert_eq!(constant(&of_flow, name) as f32, rust as f32, "{name}");
     }
+}
+
+#[test]
+fn what_the_stages_of_flow_are_given_has_the_same_layout() {
+    macro_rules! rust_offsets {
+        ($($field:ident),* $(,)?) => { vec![$((stringify!($field).to_owned(), offset_of!(FlowParams, $field))),*] };
+    }
+    let rust = rust_offsets!(head, periods, size, opacity, fades, splat_count, splat_words, place_capacity);
+    let [project, count, _, store, sort] = FLOW.map(module);
+    for module in [&project, &count, &store, &sort] {
+        assert_eq!(members(module, "FlowParams"), (rust.clone(), size_of::<FlowParams>()));
+        for (name, rust) in [
+            ("FLOW_HEAD", FlowLists::HEAD_TEXELS as f64),
+            ("SPLAT_TEXELS", FlowLists::SPLAT_TEXELS as f64),
+            ("PLACE_TEXELS", FlowLists::PLACE_TEXELS as f64),
+            ("RECORD_VECTORS", FlowLists::RECORD_BYTES as f64 / 16.0),
+            ("END", crate::render::flow::END),
+        ] {
+            assert_eq!(constant(module, name), rust, "{name}");
+        }
+    }
+    #[cfg(feature = "gpu")]
+    for (name, rust) in crate::render::flow::constants_of_projecting() {
+        assert_eq!(constant(&project, name), rust, "{name}");
+    }
+    for module in [&store, &sort] {
+        assert_eq!(constant(module, "BINS_HEAD"), FlowLists::BINS_HEAD as f64);
+    }
+    assert_eq!(constant(&sort, "LONGEST"), f64::from(FlowLists::LONGEST));
 }
 
 #[test]

@@ -14,6 +14,7 @@
 //! | decode (codec `vq`) | `decode_vq.wgsl` | a vertex, or a cell that has a scalar |
 //! | view transform | `view_transform.wgsl` | a vertex, or eight cells that have scalars |
 //! | entries | `entries_count.wgsl`, `entries_scan.wgsl`, `entries_store.wgsl` | an entry face; a part of the tiles; an entry face |
+//! | flow | `flow_project.wgsl`; `flow_count.wgsl`, `entries_scan.wgsl`, `flow_store.wgsl`; `flow_sort.wgsl` | a splat; a splat, a part of the tiles, a splat; a splat of a tile, a workgroup is a tile |
 //! | walk and composite | `walk.wgsl` with `lib/optics_intervals.wgsl` and `lib/optics_exact.wgsl` or `lib/optics_partial.wgsl`, or with `lib/optics_table3d.wgsl` or `lib/optics_joint.wgsl`; and `lib/surfaces.wgsl`, or `lib/cell_scalars.wgsl` or `lib/cell_joint.wgsl`; and `lib/ahead.wgsl` with `lib/fragments_ahead.wgsl` or `lib/flow_ahead.wgsl`, among other layers | a pixel, a workgroup is a tile |
 //! | count, store (`havs`, `points`) | `fragments_find.wgsl`, `fragments_pieces.wgsl` with `lib/face_hits.wgsl`, `lib/tet_hits.wgsl` or `lib/slab_hits.wgsl` (of `lib/slab_of_cell.wgsl` or `lib/slab_of_ball.wgsl`), and `lib/fragments_count.wgsl` or `lib/fragments_store.wgsl`; `face_starts.wgsl` | a face or a cell; half a row of a tile; a pixel |
 //! | scan (`havs`, `points`) | `fragments_scan.wgsl` | a pixel, a workgroup is a tile |
@@ -34,8 +35,8 @@
 //!   64 bytes of parameters. Moments between two steps are decoded and mixed there if the device has f64, with the bits of the CPU; a
 //!   second block stays once both were needed. The CPU decodes and mixes too: holes, ranges and a fall-back need the values, and it takes a
 //!   third of a millisecond for 176k vertices.
-//! - **Entry lists have any length.** Counts per tile are summed and the lists stored one after the other; if the buffer was too small, the
-//!   frame is begun again with a larger one (`entry_retries`). A pixel with more than four starts searches again for the next four.
+//! - **Lists of entries, and of splats of flow, have any length.** Counts per tile are summed and the lists stored one after the other; if the
+//!   buffer was too small, the frame is begun again with a larger one (`entry_retries`). A pixel with more than four starts searches again for the next four.
 //! - **Steady frames allocate nothing.** Buffers grow and stay; parameters are written to the same uniform buffer; bind groups are made anew
 //!   only with a buffer. Scalars, table and active cells are sent when they have changed. Images come back through a ring of buffers, so
 //!   that the GPU has the next slice while the last one is read.
@@ -47,6 +48,7 @@
 //! Tests compare every stage with the definition in f64, every image with the CPU's, and Rust structs and lists of bindings with those of
 //! the compiled shaders (naga, no GPU needed).
 
+pub mod flow_layout;
 pub mod layout;
 pub mod point_params;
 pub mod resources;
@@ -100,6 +102,8 @@ mod readback;
 mod shared_scene;
 #[cfg(feature = "gpu")]
 mod slices;
+#[cfg(feature = "gpu")]
+pub(in crate::render) mod splat_lists;
 #[cfg(feature = "gpu")]
 mod surfaces;
 #[cfg(feature = "gpu")]

@@ -92,7 +92,19 @@ pub enum Resource {
     SmallReference,
     /// Fragments of other layers, by pixels, to be read.
     LayerFragments,
-    /// Splats of flow, by tiles, to be read.
+    /// What splats of flow have in common.
+    FlowParams,
+    /// What splats of flow have of their sites: place and shape.
+    FlowSites,
+    /// The splats of a view, in the order of depths.
+    FlowReady,
+    /// These on the screen.
+    FlowRecords,
+    /// Ends of the tiles' lists of splats, the lists.
+    FlowBins,
+    /// Splats of flow, by tiles.
+    FlowPlane,
+    /// `FlowPlane`, to be read.
     FlowLists,
     /// Sums of the icons of flow, to be read.
     FlowIcons,
@@ -206,6 +218,12 @@ impl Resource {
             Self::Reference => ("reference", "layers of depth, 0 to 1", Texture),
             Self::SmallReference => ("small_reference", "layers of depth at the samples, 0 to 1", Texture),
             Self::LayerFragments => ("layer_fragments", "fragments of other layers", Texture),
+            Self::FlowParams => ("flow_params", "parameters of the flow", Uniform("FlowParams")),
+            Self::FlowSites => ("flow_sites", "sites of flow", Storage("vec4<f32>")),
+            Self::FlowReady => ("flow_ready", "splats of flow in their order", Storage("u32")),
+            Self::FlowRecords => ("flow_records", "splats of flow on the screen", Storage("vec4<f32>")),
+            Self::FlowBins => ("bins", "lists of splats of flow", Storage("u32")),
+            Self::FlowPlane => ("flow_plane", "splats of flow", Plane(Texel::Rgba32Float)),
             Self::FlowLists => ("flow_lists", "splats of flow", Texture),
             Self::FlowIcons => ("flow_icons", "icons of flow", Texture),
             Self::FlowInside => ("flow_inside", "depths inside of cells", Texture),

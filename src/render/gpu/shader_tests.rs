@@ -51,7 +51,7 @@ fn every_shader_is_valid_and_has_its_entry_point() {
             checked += 1;
         }
     }
-    assert_eq!(checked, 2 * 283);
+    assert_eq!(checked, 2 * 288);
     // Only those in f64 need a device that has it.
     let exact = Along::cells(Gathering::Scalar(OpticsKind::Exact), Inside::Volume);
     let double = Stage::Walk(exact, Precision::Double).source(SPLITS[0]);

@@ -19,6 +19,16 @@ pub enum Stage {
     EntriesScan,
     /// Stores the items of each tile.
     EntriesStore,
+    /// Projects splats of flow.
+    FlowProject,
+    /// Counts those that reach each tile.
+    FlowCount,
+    /// Sums the tiles' counts to places.
+    FlowScan,
+    /// Stores the numbers of those of each tile.
+    FlowStore,
+    /// Puts those of each tile in order, and writes where they are.
+    FlowSort,
     /// Walks all rays from their entries through the cells.
     Walk(Along, Precision),
     /// Walks the rays of a list, without other layers.
@@ -63,6 +73,9 @@ pub enum Stage {
     UpsampleJoint2x2,
 }
 
+/// The stages of flow, in order.
+pub const FLOW: [Stage; 5] = [Stage::FlowProject, Stage::FlowCount, Stage::FlowScan, Stage::FlowStore, Stage::FlowSort];
+
 /// All stages.
 pub fn stages() -> impl Iterator<Item = Stage> {
     let alike = [
@@ -101,7 +114,7 @@ pub fn stages() -> impl Iterator<Item = Stage> {
         });
         walks.chain(elements.flat_map(move |element| listing(element, precision)))
     };
-    alike.into_iter().chain([Precision::Single, Precision::Double].into_iter().flat_map(with))
+    alike.into_iter().chain(FLOW).chain([Precision::Single, Precision::Double].into_iter().flat_map(with))
 }
 
 /// The stages with lists of fragments.
@@ -167,6 +180,11 @@ impl Stage {
             Self::EntriesCount => ("entries_count", include_str!("../../../shaders/entries_count.wgsl")),
             Self::EntriesScan => ("entries_scan", include_str!("../../../shaders/entries_scan.wgsl")),
             Self::EntriesStore => ("entries_store", include_str!("../../../shaders/entries_store.wgsl")),
+            Self::FlowProject => ("flow_project", include_str!("../../../shaders/flow_project.wgsl")),
+            Self::FlowCount => ("flow_count", include_str!("../../../shaders/flow_count.wgsl")),
+            Self::FlowScan => Self::EntriesScan.file(),
+            Self::FlowStore => ("flow_store", include_str!("../../../shaders/flow_store.wgsl")),
+            Self::FlowSort => ("flow_sort", include_str!("../../../shaders/flow_sort.wgsl")),
             Self::Walk(..) => ("walk", include_str!("../../../shaders/walk.wgsl")),
             Self::WalkRays(..) => ("walk_rays", include_str!("../../../shaders/walk_rays.wgsl")),
             Self::SplitPlan => ("split_plan", include_str!("../../../shaders/split_plan.wgsl")),
@@ -224,6 +242,17 @@ impl Stage {
                 [&[Read(Params), Read(Vertices), Read(Items), Atomic(Bins)][..], &records].concat()
             }
             Self::EntriesScan => vec![Read(Params), Write(Bins)],
+            Self::FlowProject => {
+                let read = [Read(Params), Read(FlowParams), Read(FlowSites), Read(FlowReady)];
+                [&read[..], &[Write(FlowRecords), Write(FlowPlane)]].concat()
+            }
+            Self::FlowCount | Self::FlowStore => {
+                vec![Read(Params), Read(FlowParams), Read(FlowRecords), Atomic(FlowBins)]
+            }
+            Self::FlowScan => vec![Read(Params), Write(FlowBins)],
+            Self::FlowSort => {
+                vec![Read(Params), Read(FlowParams), Read(FlowRecords), Atomic(FlowBins), Write(FlowPlane)]
+            }
             Self::Walk(along, _) => {
                 let read = [Read(Params), Read(Vertices), Read(ActiveCells), Read(Bins)];
                 let [met, _] = along.bindings();

@@ -25,7 +25,7 @@ pub(super) struct SharedScene {
     pub(super) table: Table,
     surfaces: SurfaceBuffer,
     layers: LayerTexture,
-    flow: FlowTextures,
+    pub(super) flow: FlowTextures,
     active_of: Option<(Arc<Mesh>, Arc<CellSet>)>,
     active: GrowingBuffer,
     target: Option<Arc<Target>>,
@@ -129,6 +129,7 @@ impl SharedScene {
         buffers.extend(self.vertices.buffers());
         buffers.extend(self.table.buffers());
         buffers.extend(self.target.iter().map(|target| &target.counters));
+        buffers.extend(self.flow.lists.buffers());
         buffers
     }
 
@@ -138,7 +139,12 @@ impl SharedScene {
         self.target.iter().flat_map(|target| target.planes()).chain(layers).collect()
     }
 
-    /// Writes the parameters, and records decoding, if the scalars are compressed, and the view transform.
+    /// Makes room for lists of splats that were told to be incomplete. Returns whether bind groups are to be made anew.
+    pub(super) fn grow_flow(&mut self, context: &Context, told: [u32; 2]) -> Result<bool, RenderError> {
+        self.flow.lists.grow(context, told)
+    }
+
+    /// Writes the parameters, and records decoding, if the scalars are compressed, the view transform, and the stages of flow, if there is some.
     pub(super) fn record(
         &self,
         context: &Context,
@@ -154,9 +160,11 @@ impl SharedScene {
             stats.vertices_decoded_on_gpu = decoder.pending_scalars();
             decoder.record(context, &mut target.pass(encoder, "decode", Some(6)))?;
         }
-        let mut pass = target.pass(encoder, "view transform", Some(0));
         let threads = params.vertex_count + params.cell_count.div_ceil(NUMBERS_PER_VERTEX as u32);
-        pipelines.dispatch(context, Stage::ViewTransform, threads.div_ceil(256), &mut pass)
+        let mut pass = target.pass(encoder, "view transform", Some(0));
+        pipelines.dispatch(context, Stage::ViewTransform, threads.div_ceil(256), &mut pass)?;
+        drop(pass);
+        self.flow.lists.record(context, pipelines, encoder)
     }
 
     /// Submits what [`Self::record`] has recorded, and what follows it.

@@ -16,7 +16,16 @@ impl Stage {
             Self::Present => vec![],
             Self::ViewTransform => vec![lib::FRAME, lib::SUMS, lib::VIEW],
             Self::EntriesCount | Self::EntriesStore => vec![lib::FRAME, lib::CELLS, lib::BOXES, lib::ITEMS],
-            Self::EntriesScan => vec![lib::FRAME, lib::SATURATING],
+            Self::EntriesScan | Self::FlowScan => vec![lib::FRAME, lib::SATURATING],
+            Self::FlowProject => {
+                [&PROJECTED[..], &[lib::SUMS, lib::DOUBLE, lib::VIEW, lib::MATH, lib::TEXELS]].concat()
+            }
+            Self::FlowCount => [&PROJECTED[..], &[lib::BOXES, lib::FLOW_TILES]].concat(),
+            Self::FlowStore => [&PROJECTED[..], &[lib::BOXES, lib::FLOW_TILES, lib::FLOW_BINS]].concat(),
+            Self::FlowSort => {
+                let lists = [lib::TILES, lib::TEXELS, lib::FLOW_BINS, lib::NETWORK];
+                [&PROJECTED[..], &lists, &[lib::SUMS, lib::DOUBLE, lib::RAY_SINGLE]].concat()
+            }
             Self::Walk(along, precision) => walking(along, precision),
             Self::WalkRays(along, precision) => {
                 [walking(along, precision), vec![lib::RAY_LIST, lib::RAY_BITS]].concat()
@@ -67,6 +76,9 @@ const LISTS: [&str; 3] = [lib::TILES, lib::LIST_PARAMS, lib::FRAGMENT_LISTS];
 /// Parts of the stages that read stored fragments.
 const STORED: [&str; 2] = [lib::FRAGMENTS, lib::FRAGMENT_PLACES];
 
+/// Parts of the stages of flow.
+const PROJECTED: [&str; 4] = [lib::FRAME, lib::FLOW_LAYOUT, lib::FLOW_PARAMS, lib::FLOW_RECORDS];
+
 /// Parts of the stages of depth layers.
 const LAYERS: [&str; 3] = [lib::TILES, lib::LIST_PARAMS, lib::LAYER_LISTS];
 
@@ -101,9 +113,15 @@ fn gathering(along: Along, precision: Precision) -> Vec<&'static str> {
     let ahead = match layers {
         OtherLayers::None => &[lib::NOTHING_AHEAD][..],
         OtherLayers::Fragments => &[lib::TEXELS, lib::LAYER_FRAGMENTS, lib::FRAGMENTS_AHEAD, lib::AHEAD],
-        OtherLayers::Flow => {
-            &[lib::TEXELS, lib::LAYER_FRAGMENTS, lib::FLOW_ICONS, lib::FLOW_SPLATS, lib::FLOW_AHEAD, lib::AHEAD]
-        }
+        OtherLayers::Flow => &[
+            lib::TEXELS,
+            lib::LAYER_FRAGMENTS,
+            lib::FLOW_LAYOUT,
+            lib::FLOW_ICONS,
+            lib::FLOW_SPLATS,
+            lib::FLOW_AHEAD,
+            lib::AHEAD,
+        ],
     };
     let all = [lib::FRAME, lib::SUMS, lib::MATH, lib::LIGHT, lib::COUNTERS];
     [&all, &rays(inside, precision)[..], optics, &[met], cut, ahead].concat()

@@ -12,6 +12,7 @@ pub(super) type Texel = [f32; 4];
 /// A list of texels in the GPU's memory, row by row of a texture that is made anew only when it is too small.
 pub(super) struct TexelList {
     resource: Resource,
+    usage: wgpu::TextureUsages,
     texture: Option<(wgpu::Texture, wgpu::TextureView)>,
     /// What is sent next; afterwards its memory is used again.
     pub(super) texels: Vec<Texel>,
@@ -20,12 +21,24 @@ pub(super) struct TexelList {
 impl TexelList {
     /// A list without texels that stages bind as `resource`.
     pub(super) fn new(resource: Resource) -> Self {
-        Self { resource, texture: None, texels: Vec::new() }
+        Self { resource, usage: wgpu::TextureUsages::COPY_DST, texture: None, texels: Vec::new() }
+    }
+
+    /// A list that stages write.
+    pub(super) fn written(resource: Resource) -> Self {
+        // Tests read it back.
+        Self { usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC, ..Self::new(resource) }
     }
 
     /// The texture, as stages bind it.
     pub(super) fn view(&self) -> Option<(Resource, &wgpu::TextureView)> {
         self.texture.as_ref().map(|(_, view)| (self.resource, view))
+    }
+
+    /// The texture itself.
+    #[cfg(test)]
+    pub(super) fn texture(&self) -> Option<&wgpu::Texture> {
+        self.texture.as_ref().map(|(texture, _)| texture)
     }
 
     /// Most texels of a list.
@@ -56,8 +69,13 @@ impl TexelList {
         if was_large || is_bound { self.reserve(context, 1) } else { Ok(false) }
     }
 
+    /// Texels for which there is room.
+    pub(super) fn capacity(&self) -> u64 {
+        self.texture.as_ref().map_or(0, |(texture, _)| TEXELS_WIDE as u64 * u64::from(texture.height()))
+    }
+
     /// Makes room for so many rows of texels. Returns whether the texture was made anew.
-    fn reserve(&mut self, context: &Context, rows: usize) -> Result<bool, RenderError> {
+    pub(super) fn reserve(&mut self, context: &Context, rows: usize) -> Result<bool, RenderError> {
         let rows = rows.max(1);
         if self.texture.as_ref().is_some_and(|(texture, _)| texture.height() as usize >= rows) {
             return Ok(false);
@@ -77,7 +95,7 @@ impl TexelList {
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
             format: wgpu::TextureFormat::Rgba32Float,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | self.usage,
             view_formats: &[],
         };
         let texture = context.create(|device| device.create_texture(&descriptor))?;

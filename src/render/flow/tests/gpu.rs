@@ -21,7 +21,7 @@ struct Renderers {
 }
 
 /// A GPU that draws splats, or gets their fragments; without one the test is reported as skipped.
-fn context(draws_flow: bool) -> Option<Arc<Context>> {
+pub(super) fn context(draws_flow: bool) -> Option<Arc<Context>> {
     let options = ContextOptions { draws_flow: Some(draws_flow), ..ContextOptions::default() };
     Context::new(&options).map(Arc::new).map_err(|why| test_common::skip("gpu", &why.to_string())).ok()
 }
@@ -76,17 +76,17 @@ fn with_faces(job: RenderJob) -> RenderJob {
 }
 
 /// The job with the splats of a scene.
-fn with_flow(job: &RenderJob, scene: &FlowScene) -> RenderJob {
+pub(super) fn with_flow(job: &RenderJob, scene: &FlowScene) -> RenderJob {
     RenderJob { flow: Some(Arc::new(scene.splats(&job.local_view()))), ..job.clone() }
 }
 
 /// The scene a little later.
-fn later(scene: &FlowScene) -> FlowScene {
+pub(super) fn later(scene: &FlowScene) -> FlowScene {
     FlowScene { travel: Arc::new(scene.travel.iter().map(|way| 1.13 * way).collect()), ..scene.clone() }
 }
 
 /// Scenes of a mesh: icons, blur, fidelity, few and large splats, vectors of cells, mixtures, kernels.
-fn scenes(mesh: &Arc<Mesh>, job: &RenderJob) -> Vec<(&'static str, FlowScene)> {
+pub(super) fn scenes(mesh: &Arc<Mesh>, job: &RenderJob) -> Vec<(&'static str, FlowScene)> {
     let usual = FlowStyle::default();
     let styled = |style| scene(mesh, style, vortex);
     let held = HeldFlow { time: 7.0, shutter: 0.8 };
@@ -160,7 +160,7 @@ fn lists_hold_for_any_lattice_among_holes_and_other_layers() {
             }
             // At the depths of some splats, between others, and before the near plane.
             let (splats, scale) = (some.splats(&job.local_view()), mesh.positions.scale);
-            let depths = splats.splats.iter().step_by(5).map(|splat| splat.depth * scale).chain([-3.0]);
+            let depths = splats.projected().iter().step_by(5).map(|splat| splat.depth * scale).chain([-3.0]);
             let flat = |(depth, pixel): (f64, u32)| (pixel, LayerFragment { depth, rgba: [0.02, 0.0, 0.03, 0.04] });
             let pixels = splats.pixels() as u32;
             let fragments = depths.flat_map(|depth| (0..pixels).step_by(2).map(move |pixel| flat((depth, pixel))));
@@ -228,16 +228,76 @@ fn lists_hold_in_f64_and_within_default_limits() {
     assert_eq!(in_f64, if has_f64 { 2 } else { 0 });
 }
 
+/// A job, and splats at all vertices of a mesh, or in all its cells, each of which covers the image.
+fn wide_splats(mesh: &Arc<Mesh>, of_cells: bool, size_px: (usize, usize)) -> RenderJob {
+    let style = FlowStyle { size: 40.0, length: Some(1.0), ..FlowStyle::default() };
+    let scene = if of_cells { scene_of_cells(mesh, style, vortex) } else { scene(mesh, style, vortex) };
+    let outside = Camera { projection: Projection::Parallel { scale: 1.0 }, ..camera(mesh) };
+    let scene = FlowScene { inside: None, ..scene };
+    with_faces(with_flow(&job(mesh, &outside, size_px), &scene))
+}
+
 #[test]
-fn what_takes_more_than_a_texture_and_lists_of_pixels_are_refused() {
+fn lists_that_are_too_short_are_made_longer_and_have_the_same_image() {
+    let Some(context) = context(true) else { return };
+    let job = wide_splats(&mesh(3), false, (200, 150));
+    let renderers: [Box<dyn Renderer>; 2] = [
+        Box::new(raycast::Raycast::new(context.clone())),
+        Box::new(havs::Havs::with_fragment_bytes(context.clone(), 40_000)),
+    ];
+    let twins: [Box<dyn Renderer>; 2] = [Box::new(Raycast::new()), Box::new(Havs::new())];
+    for (mut renderer, mut twin) in renderers.into_iter().zip(twins) {
+        let [first, again] = [0, 1].map(|_| renderer.render(job.clone()).unwrap().clone());
+        assert_eq!([first.stats.entry_retries, again.stats.entry_retries], [1, 0]);
+        assert!(first.planes == again.planes);
+        let expected = twin.render(job.clone()).unwrap();
+        let pixels = |frame: &Frame| frame.planes.color.pixels.clone();
+        let apart @ [rmse, most] = difference(&pixels(&first), &pixels(expected));
+        assert!(rmse <= BOUNDS[0] && most <= BOUNDS[1], "{apart:?}");
+    }
+}
+
+#[test]
+fn more_places_than_a_texture_has_and_more_splats_of_a_tile_than_are_sorted_are_refused() {
+    let options = ContextOptions { draws_flow: Some(true), tier: Tier::WebGpu, ..ContextOptions::default() };
+    let Ok(context) = Context::new(&options) else { return test_common::skip("gpu", "there is none") };
+    let context = Arc::new(context);
+    let large = mesh(24);
+    // 2,744 in each of 4,096 tiles, and 82,944 in one, and in each of as many.
+    for (job, reason) in [
+        (wide_splats(&mesh(13), false, (1024, 1024)), "more places in tiles than a texture"),
+        (wide_splats(&large, true, (16, 16)), "reach a tile"),
+        (wide_splats(&large, true, (1024, 1024)), "are too many"),
+    ] {
+        for refused in [
+            raycast::Raycast::new(context.clone()).render(job.clone()).map(|_| ()),
+            havs::Havs::new(context.clone()).render(job.clone()).map(|_| ()),
+        ] {
+            let is_expected =
+                matches!(&refused, Err(RenderError::BeyondGpu { problem, .. }) if problem.contains(reason));
+            assert!(is_expected, "{refused:?}");
+        }
+    }
+}
+
+#[test]
+fn without_a_splat_in_view_the_other_layers_are_drawn() {
+    let Some(context) = context(true) else { return };
+    let mut renderers = Renderers::of(&context);
+    let mesh = mesh(4);
+    let job = job(&mesh, &camera(&mesh), (60, 40));
+    let still = scene(&mesh, FlowStyle::default(), |_| DVec3::ZERO).splats(&job.local_view());
+    let flat = |pixel| (pixel, LayerFragment { depth: 1.0, rgba: [0.2, 0.0, 0.3, 0.4] });
+    let fragments = Arc::new(LayerFragments::new(still.pixels(), (0..900).map(flat)).unwrap());
+    let among = RenderJob { flow: Some(Arc::new(still.among(Some(fragments)))), ..job.clone() };
+    renderers.compare("without splats", &among, &job);
+}
+
+#[test]
+fn lists_of_pixels_are_refused() {
     let mesh = mesh(4);
     let job = job(&mesh, &camera(&mesh), (60, 40));
     let all = scene(&mesh, FlowStyle::default(), vortex);
-    let (splats, mut texels) = (all.splats(&job.local_view()), Vec::new());
-    splats.list(0.0, usize::MAX, &mut texels).unwrap();
-    let least = texels.len();
-    assert!(splats.list(0.0, least, &mut texels).is_ok());
-    assert!(splats.list(0.0, least - 1, &mut texels).unwrap_err().contains("more places in tiles than a texture"));
     let pixels = Samples::Pixels(Arc::new(PixelSet::new((60, 40), &[7, 3, 1000]).unwrap()));
     let listed = RenderJob { view: View { samples: pixels, ..job.view.clone() }, ..job };
     let flow = with_flow(&listed, &all);

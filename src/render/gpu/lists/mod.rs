@@ -202,18 +202,23 @@ impl<E: Elements> FragmentLists<E> {
         Ok(())
     }
 
-    /// Reads the number of pieces of large elements. If not all fitted, the frame begins again with more room.
+    /// Reads the number of pieces of large elements, and of places of splats. If not all fitted, the frame begins again with more room.
     fn pieces_are_known(&mut self, active: &mut ListJob, stats: &mut FrameStats) -> Result<(), RenderError> {
         let mut head = [0; 3];
         self.words.read(&self.context, self.scene.lists.get(&self.context)?, 0, &mut head)?;
         let [pieces, culled, enlarged] = head;
         E::count(stats, u64::from(active.list_params.drawn_count), culled, enlarged);
-        if pieces <= active.list_params.piece_capacity {
+        let mut told = [0; 2];
+        if let Some((bins, at, _)) = self.scene.shared.flow.lists.told(&self.context)? {
+            self.words.read(&self.context, bins, at / 4, &mut told)?;
+        }
+        let has_flow = !self.scene.shared.flow.lists.is_incomplete(told);
+        if pieces <= active.list_params.piece_capacity && has_flow {
             (active.pieces, active.step) = (pieces, Step::CountPieces);
             active.begin_step(&self.bands);
             return Ok(());
         }
-        self.scene.grow_pieces(&self.context, active.lists, u64::from(pieces), &mut active.list_params)?;
+        self.scene.grow(&self.context, active.lists, (pieces, told), &mut active.list_params)?;
         stats.entry_retries += 1;
         active.step = Step::Count;
         active.begin_step(&self.bands);
@@ -322,7 +327,7 @@ impl<E: Elements> LayerRenderer for FragmentLists<E> {
         let precision = self.precision.of(self.context.has_f64(), &job);
         let plan = self.scene.elements.plan(&job, &drawn, &view, precision);
         let Plan { stages, kind, precision, mut list_params } = plan;
-        self.scene.make_pipelines(&self.context, stages)?;
+        self.scene.make_pipelines(&self.context, stages, job.flow.is_some())?;
         let target = self.scene.update(&self.context, &job, &drawn, &mut params, &mut list_params)?;
         E::count(&mut frame.stats, drawn.ids.len() as u64, 0, 0);
         frame.stats.in_f64 = precision == Precision::Double;

@@ -8,7 +8,7 @@ use crate::render::gpu::context::Context;
 use crate::render::gpu::layout::{FIRST_PIECES_PER_TILE, FRAGMENT_BYTES, ListParams, Lists, PIECE_WORDS, Params};
 use crate::render::gpu::pipelines::{NO_RECORDS, Pipelines};
 use crate::render::gpu::resources::Resource;
-use crate::render::gpu::shaders::{FragmentKind, Stage};
+use crate::render::gpu::shaders::{FLOW, FragmentKind, Stage};
 use crate::render::gpu::shared_scene::SharedScene;
 use crate::render::gpu::target::Target;
 use crate::render::{RenderError, RenderJob};
@@ -64,8 +64,15 @@ impl<E: Elements> Scene<E> {
     }
 
     /// Compiles a job's stages unless that has been done; before [`Self::update`].
-    pub(super) fn make_pipelines(&mut self, context: &Context, stages: Stages) -> Result<(), RenderError> {
-        self.pipelines.prepare(context, NO_RECORDS, [Stage::ViewTransform].into_iter().chain(stages.all()))
+    pub(super) fn make_pipelines(
+        &mut self,
+        context: &Context,
+        stages: Stages,
+        has_flow: bool,
+    ) -> Result<(), RenderError> {
+        let flow = if has_flow { &FLOW[..] } else { &[] };
+        let stages = [Stage::ViewTransform].into_iter().chain(stages.all()).chain(flow.iter().copied());
+        self.pipelines.prepare(context, NO_RECORDS, stages)
     }
 
     fn update_buffers(
@@ -93,16 +100,20 @@ impl<E: Elements> Scene<E> {
         Ok(target)
     }
 
-    /// Makes room for `pieces` and a quarter more.
-    pub(super) fn grow_pieces(
+    /// Makes room for more pieces, and for what was told of splats, and a quarter more, as far as it does not fit.
+    pub(super) fn grow(
         &mut self,
         context: &Context,
         lists: Lists,
-        pieces: u64,
+        (pieces, told): (u32, [u32; 2]),
         list_params: &mut ListParams,
     ) -> Result<(), RenderError> {
-        self.lists.reserve_list(context, lists.pieces(), PIECE_WORDS, pieces + pieces / 4)?;
-        list_params.piece_capacity = self.lists.list_capacity(lists.pieces(), PIECE_WORDS);
+        if pieces > list_params.piece_capacity {
+            let pieces = u64::from(pieces);
+            self.lists.reserve_list(context, lists.pieces(), PIECE_WORDS, pieces + pieces / 4)?;
+            list_params.piece_capacity = self.lists.list_capacity(lists.pieces(), PIECE_WORDS);
+        }
+        self.shared.grow_flow(context, told)?;
         self.pipelines.unbind();
         self.bind(context)
     }

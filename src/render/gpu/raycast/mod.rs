@@ -207,7 +207,8 @@ impl CellWalk {
         }
         active.next_tile = tiles.end;
         let total = if fills { None } else { Some((bins.get(&self.context)?, 4 * active.tile_count as u64, 1)) };
-        let sent = self.readback.send(&self.context, encoder, target, (tiles, has_pixels), total.as_slice())?;
+        let words: Vec<_> = total.into_iter().chain(shared.flow.lists.told(&self.context)?).collect();
+        let sent = self.readback.send(&self.context, encoder, target, (tiles, has_pixels), &words)?;
         self.in_flight.push_back(sent);
         Ok(())
     }
@@ -217,10 +218,11 @@ impl CellWalk {
         let fills = active.sampling.is_some();
         let (context, cost) = (&self.context, if fills { &mut self.sampling_costs.fill } else { &mut self.cost });
         let waiting = Instant::now();
+        let lists = &self.scene.shared.flow.lists;
         let needed = self.readback.collect(context, sent, |slice| {
-            let needed = if fills { 0 } else { u64::from(slice.word_sent(0)) };
-            if needed > u64::from(active.params.pair_capacity) {
-                return Some(needed);
+            let [pairs, told @ ..] = [0, 1, 2].map(|word| if fills { 0 } else { slice.word_sent(word) });
+            if pairs > active.params.pair_capacity || lists.is_incomplete(told) {
+                return Some((u64::from(pairs), told));
             }
             if reads_pixels(&active.job, frame) {
                 slice.copy_pixels(&mut frame.planes, &active.params, active.job.mesh.positions.scale);
@@ -243,15 +245,15 @@ impl CellWalk {
         needed.map_or(Ok(()), |needed| self.begin_again(needed, active, &mut frame.stats))
     }
 
-    /// Begins the frame again with longer lists.
+    /// Begins the frame again with longer lists: of so many pairs, and of what was told of splats.
     fn begin_again(
         &mut self,
-        pairs_needed: u64,
+        needed: (u64, [u32; 2]),
         active: &mut WalkJob,
         stats: &mut FrameStats,
     ) -> Result<(), RenderError> {
         self.abandon()?;
-        self.scene.grow_lists(&self.context, pairs_needed, active.sampling.is_some(), &mut active.params)?;
+        self.scene.grow_lists(&self.context, needed, active.sampling.is_some(), &mut active.params)?;
         (active.next_tile, active.tiles_done) = (0, 0);
         active.sampling.iter_mut().for_each(|sampling| sampling.fills = false);
         self.begin_costs();

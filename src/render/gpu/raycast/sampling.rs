@@ -157,7 +157,7 @@ impl CellWalk {
         let told = |slice: &SliceData<'_>| Told::new(slice, &mut frame.stats, &context);
         let mut told = self.readback.collect(&context, sent, told)?;
         if told.pairs > u64::from(active.params.pair_capacity) {
-            return self.begin_again(told.pairs, active, &mut frame.stats);
+            return self.begin_again((told.pairs, [0; 2]), active, &mut frame.stats);
         }
         if context.timestamp_period_ns().is_none() {
             told.ms = waiting.elapsed().as_secs_f64() * 1e3;

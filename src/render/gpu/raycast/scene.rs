@@ -9,7 +9,7 @@ use crate::render::gpu::context::Context;
 use crate::render::gpu::layout::{PAIR_WORDS, Params};
 use crate::render::gpu::pipelines::Pipelines;
 use crate::render::gpu::resources::Resource;
-use crate::render::gpu::shaders::{Along, Precision, RecordSplit, Stage};
+use crate::render::gpu::shaders::{Along, FLOW, Precision, RecordSplit, Stage};
 use crate::render::gpu::shared_scene::SharedScene;
 use crate::render::gpu::target::Target;
 use crate::render::{RenderError, RenderJob};
@@ -87,7 +87,8 @@ impl Scene {
         let stages = [Stage::ViewTransform, Stage::EntriesCount, Stage::EntriesScan, Stage::EntriesStore];
         let along = Along::of(job);
         let walk = (!is_sampled).then_some(Stage::Walk(along, precision));
-        self.pipelines.prepare(context, split, stages.into_iter().chain(walk))?;
+        let flow = if job.flow.is_some() { &FLOW[..] } else { &[] };
+        self.pipelines.prepare(context, split, stages.into_iter().chain(walk).chain(flow.iter().copied()))?;
         self.shared.upload(context, job, params)?;
         self.shared.note(self.records.upload(context, &job.mesh, split)?);
         self.update_domain(context, job, eye_cells)?;
@@ -115,17 +116,20 @@ impl Scene {
         Ok(target)
     }
 
-    /// Makes room for `pairs` pairs of tile and item, and a quarter more.
+    /// Makes room for `pairs` pairs of tile and item, and for what was told of splats, and a quarter more, as far as it does not fit.
     pub(super) fn grow_lists(
         &mut self,
         context: &Context,
-        pairs: u64,
+        (pairs, told): (u64, [u32; 2]),
         is_sampled: bool,
         params: &mut Params,
     ) -> Result<(), RenderError> {
-        let ends = params.tile_count() as u64 + 1;
-        self.bins.reserve_list(context, ends, PAIR_WORDS, pairs + pairs / 4)?;
-        params.pair_capacity = self.bins.list_capacity(ends, PAIR_WORDS);
+        if pairs > u64::from(params.pair_capacity) {
+            let ends = params.tile_count() as u64 + 1;
+            self.bins.reserve_list(context, ends, PAIR_WORDS, pairs + pairs / 4)?;
+            params.pair_capacity = self.bins.list_capacity(ends, PAIR_WORDS);
+        }
+        self.shared.grow_flow(context, told)?;
         self.unbind();
         self.bind(context, is_sampled)
     }
