@@ -1,5 +1,6 @@
 //! Splats that rays on the GPU draw from lists of tiles, against their fragments on the CPU.
 
+use super::kernels::with_kernels;
 use super::mixture::{icons, with_icons};
 use super::outside::{of_cells, with_gaps};
 use super::*;

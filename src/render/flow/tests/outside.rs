@@ -1,5 +1,6 @@
 //! Splats that hang out of the cells that are shown.
 
+use super::kernels::with_kernels;
 use super::*;
 use crate::mesh::test_meshes::kuhn_grid_of;
 use glam::DQuat;
