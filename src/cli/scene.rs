@@ -50,7 +50,7 @@ pub(super) struct SceneArgs {
     /// its cameras
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
     pub(super) camera: Option<String>,
-    /// auto (raycast, or havs for a --lod below 1), raycast, havs (faces through a k-buffer), points (cell by cell; docs/points.md), sheets
+    /// auto (raycast, or havs for a --lod below 1), raycast, havs (faces), points (cell by cell; docs/points.md), sheets
     /// (functions at the vertices; docs/functions.md), or reference (float64, slow)
     #[arg(long, value_name = "MODE", default_value = "auto")]
     mode: RenderMode,
@@ -99,10 +99,10 @@ pub(super) struct FaceArgs {
     /// them likelier by this measure
     #[arg(long, value_name = "SAMPLING", default_value = "error")]
     sampling: Sampling,
-    /// Fragments that havs keeps in order at a time, 2 to 32
+    /// Fragments that havs keeps in order at a time with --inexact-order, 2 to 32
     #[arg(long, value_name = "K", default_value_t = KBuffer::default().k, value_parser = clap::value_parser!(u8).range(2..=32))]
     k: u8,
-    /// Leave pixels whose fragments came out of order as they are (havs), or fragments in the order of centroids (points)
+    /// Order fragments by a buffer of --k (havs), or fragments in the order of centroids (points)
     #[arg(long)]
     inexact_order: bool,
 }

@@ -122,13 +122,13 @@ pub struct RenderJob {
 }
 
 /// How a face renderer sorts the fragments of a pixel: faces come sorted by their centroids, which is nearly the depth order of their
-/// fragments, and a buffer of the `k` nearest fragments corrects the rest (dissertation 6.1.3).
+/// fragments, and a buffer of the `k` nearest fragments corrects most of the rest (dissertation 6.1.3), or all fragments wait for their turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KBuffer {
     /// Fragments that a pixel holds back before the nearest is composited, 2..=32.
     pub k: u8,
-    /// Whether pixels for which k was too small are resolved again by sorting all of their fragments.
+    /// Whether the order is exact, whatever `k` is: fragments wait until none to come can be in front of them.
     pub exact_order: bool,
 }
 

@@ -83,7 +83,7 @@ pub struct FrameStats {
     pub table_entries_built: u64,
     /// Fragments: intersections of rays with drawn faces, or with points.
     pub fragments: u64,
-    /// Pixels that were resolved again from all of their fragments, since the buffer had not put them in order.
+    /// Pixels that were resolved again from all of their fragments, which did not lead from cell to cell in their order.
     pub pixels_resolved_again: u64,
     /// Faces through which rays may enter the active cells.
     pub entry_faces: u64,
