@@ -78,13 +78,13 @@ pub(super) struct Sent {
 impl Readback {
     /// Submits a slice that ends with copies of counters and times of `tiles`, of their pixels if `has_pixels`, and of `words`:
     /// buffers, each with the first byte and the number of words (at most [`WORDS_MAX`] in all).
-    pub(super) fn send(
+    pub(super) fn send<'a>(
         &mut self,
         context: &Context,
         mut encoder: wgpu::CommandEncoder,
         target: &Arc<Target>,
         (tiles, has_pixels): (Range<usize>, bool),
-        words: &[(&wgpu::Buffer, u64, usize)],
+        words: impl IntoIterator<Item = (&'a wgpu::Buffer, u64, usize)>,
     ) -> Result<Sent, RenderError> {
         let new = || Slot { buffer: GrowingBuffer::readback("read-back"), mapped: Arc::default() };
         let mut slot = self.free.pop().unwrap_or_else(new);
@@ -99,7 +99,7 @@ impl Readback {
             encoder.copy_buffer_to_buffer(target.counters.get(context)?, from, buffer, places.counters + from, bytes);
         }
         let mut place = 0;
-        for &(from, at, count) in words {
+        for (from, at, count) in words {
             let count = count.min(WORDS_MAX - place);
             encoder.copy_buffer_to_buffer(from, at, buffer, places.words + 4 * place as u64, 4 * count as u64);
             place += count;

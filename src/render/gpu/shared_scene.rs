@@ -139,8 +139,8 @@ impl SharedScene {
         self.target.iter().flat_map(|target| target.planes()).chain(layers).collect()
     }
 
-    /// Makes room for lists of splats that were told to be incomplete. Returns whether bind groups are to be made anew.
-    pub(super) fn grow_flow(&mut self, context: &Context, told: [u32; 2]) -> Result<bool, RenderError> {
+    /// Makes room for lists of splats if what was told says that they are incomplete; bind groups are then to be made anew.
+    pub(super) fn grow_flow(&mut self, context: &Context, told: [u32; 2]) -> Result<(), RenderError> {
         self.flow.lists.grow(context, told)
     }
 

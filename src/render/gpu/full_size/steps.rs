@@ -363,7 +363,7 @@ impl Enlarger {
             _ => None,
         };
         let slice = if step == Step::Filter { (units.clone(), has_pixels) } else { (0..0, false) };
-        let sent = self.readback.send(context, encoder, &work.target, slice, words.as_slice())?;
+        let sent = self.readback.send(context, encoder, &work.target, slice, words)?;
         work.next = units.end;
         self.in_flight.push_back(Flight { step, units, sent });
         Ok(())

@@ -169,7 +169,7 @@ impl<E: Elements> FragmentLists<E> {
         let work = if step == Step::Resolve {
             let ends_tiles = self.bands.get(active.band).is_none_or(Band::ends_tiles);
             let slice = (units, has_pixels && ends_tiles);
-            Work::Pixels { sent: self.readback.send(context, encoder, &active.target, slice, &[])?, ends_tiles }
+            Work::Pixels { sent: self.readback.send(context, encoder, &active.target, slice, [])?, ends_tiles }
         } else {
             Work::Plain(context.queue.submit([encoder.finish()]))
         };

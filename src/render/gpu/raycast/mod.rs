@@ -207,8 +207,8 @@ impl CellWalk {
         }
         active.next_tile = tiles.end;
         let total = if fills { None } else { Some((bins.get(&self.context)?, 4 * active.tile_count as u64, 1)) };
-        let words: Vec<_> = total.into_iter().chain(shared.flow.lists.told(&self.context)?).collect();
-        let sent = self.readback.send(&self.context, encoder, target, (tiles, has_pixels), &words)?;
+        let words = total.into_iter().chain(shared.flow.lists.told(&self.context)?);
+        let sent = self.readback.send(&self.context, encoder, target, (tiles, has_pixels), words)?;
         self.in_flight.push_back(sent);
         Ok(())
     }

@@ -145,7 +145,7 @@ impl CellWalk {
             self.scene.rays.record(&self.context, walk, groups, &mut pass)?;
         }
         let head = [(self.scene.rays.rays.get(&self.context)?, 0, RayLists::HEAD)];
-        let sent = self.readback.send(&self.context, encoder, &active.target, (0..0, false), &head)?;
+        let sent = self.readback.send(&self.context, encoder, &active.target, (0..0, false), head)?;
         self.in_flight.push_back(sent);
         Ok(())
     }

@@ -196,14 +196,14 @@ impl SplatLists {
         self.of.is_some() && (places > self.params.place_capacity || longest > FlowLists::LONGEST)
     }
 
-    /// Makes room for what was told, and a quarter more, if the lists are too short. Returns whether a buffer or a texture was made.
+    /// Makes room for what was told, and a quarter more, if the lists are too short; stages are then to be bound anew.
     pub(in crate::render::gpu) fn grow(
         &mut self,
         context: &Context,
         [places, longest]: [u32; 2],
-    ) -> Result<bool, RenderError> {
+    ) -> Result<(), RenderError> {
         if !self.is_incomplete([places, longest]) {
-            return Ok(false);
+            return Ok(());
         }
         let (needed, most) = (u64::from(places), self.most_places(context)?);
         if needed > most {
@@ -213,6 +213,6 @@ impl SplatLists {
             let most = FlowLists::LONGEST;
             return Err(context.beyond(format!("{longest} splats of flow reach a tile of pixels, of at most {most}")));
         }
-        self.reserve(context, (needed + needed / 4).min(most))
+        self.reserve(context, (needed + needed / 4).min(most)).map(|_| ())
     }
 }
