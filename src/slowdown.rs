@@ -20,8 +20,8 @@ pub(crate) enum Slow {
     Entries,
     /// Binning of faces into tiles; a unit is a face.
     Raster,
-    /// A unit is a fragment.
-    KBuffer,
+    /// Fragments of faces, put in order and composited; a unit is a fragment.
+    Faces,
     /// A unit is a face.
     RadixSort,
     /// A unit is a cell.
@@ -102,7 +102,7 @@ mod with_feature {
         (Slow::WalkPortable, "walk_portable", 64_000),
         (Slow::Entries, "entries", 20_000),
         (Slow::Raster, "raster", 51_000),
-        (Slow::KBuffer, "k_buffer", 68_000),
+        (Slow::Faces, "faces", 68_000),
         (Slow::RadixSort, "radix_sort", 22_000),
         (Slow::ActiveCells, "active_cells", 4400),
         (Slow::LodSelection, "lod_selection", 6100),

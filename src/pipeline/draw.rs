@@ -20,7 +20,7 @@ pub enum RenderMode {
     Auto,
     /// Cell walk, [`crate::render::cpu::raycast`].
     Raycast,
-    /// Faces through a k-buffer, [`crate::render::cpu::havs`], at any level of detail.
+    /// Faces sorted by depth, [`crate::render::cpu::havs`], at any level of detail.
     Havs,
     /// Cells as points, [`crate::render::cpu::points`].
     Points,
@@ -119,7 +119,7 @@ pub enum TetDraw {
     Auto,
     /// All cells, by rays from cell to cell: [`crate::render::cpu::raycast`].
     Raycast,
-    /// Faces of the cells, all or some, through a k-buffer: [`crate::render::cpu::havs`].
+    /// Faces of the cells, all or some, sorted by depth: [`crate::render::cpu::havs`].
     Faces(FaceDetail),
     /// Cells as points, all or some: [`crate::render::cpu::points`].
     Points(PointStyle),

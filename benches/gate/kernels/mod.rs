@@ -32,7 +32,7 @@ pub const KERNELS: [Kernel; 16] = [
     Kernel { name: "lod_selection", set_up: visibility::lod_selection },
     Kernel { name: "radix_sort", set_up: visibility::radix_sort },
     Kernel { name: "active_cells", set_up: visibility::active_cells },
-    Kernel { name: "k_buffer", set_up: render::k_buffer },
+    Kernel { name: "faces", set_up: render::faces },
     Kernel { name: "raster", set_up: render::raster },
     Kernel { name: "entries", set_up: render::entries },
     Kernel { name: "walk", set_up: render::walk },

@@ -57,7 +57,7 @@ pub fn raster(_: &Path) -> Result<Work, Box<dyn Error>> {
     begins(Havs::new(), shares.iter().map(|&share| jet.job_of_faces(DENSE, 96, share)).collect::<Result<_, _>>()?)
 }
 
-/// Fragments through k-buffers of eight, composited.
-pub fn k_buffer(_: &Path) -> Result<Work, Box<dyn Error>> {
+/// Fragments of faces, put in order and composited.
+pub fn faces(_: &Path) -> Result<Work, Box<dyn Error>> {
     tiles(Havs::new(), Jet::new(10_000, &[8])?.job_of_faces(DENSE, 64, 1.0)?)
 }

@@ -1,11 +1,9 @@
 //! Rounds, and eight rays side by side, against one after the other.
 
-use super::super::points::lanes_tests::mesh_of;
-use super::super::points::tests::{cameras, constant, dense, field, tents};
+use super::super::points::lanes_tests::job_of;
 use super::*;
 use crate::mesh::NONE;
 use crate::mesh::test_meshes::Random;
-use crate::render::testing;
 use crate::render::{KBuffer, Planes, Renderer};
 use crate::visibility::Drawn;
 
@@ -42,13 +40,7 @@ fn jobs() -> Vec<RenderJob> {
     let mut random = Random::new(26);
     let mut jobs = Vec::new();
     for case in 0..48 {
-        let mesh = mesh_of(case, &mut random);
-        let table = [dense(), tents(), constant(3e3), tents(), constant(0.5)][case % 5].clone();
-        let mut job = testing::job(&mesh, field(&mesh), &cameras(&mesh)[case % 4], (37, 21), table);
-        job.skip.opaque = !case.is_multiple_of(7);
-        if case % 8 == 7 {
-            job = testing::of_cells(&job);
-        }
+        let job = job_of(case, &mut random);
         let job = with_faces(&job, [1.0, 0.6][case / 24], case % 11 == 5, &mut random);
         let k_buffer = KBuffer { k: [2, 8, 3][case % 3], exact_order: case % 4 != 3 };
         jobs.push(RenderJob { k_buffer, ..job });

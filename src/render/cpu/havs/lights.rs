@@ -10,7 +10,7 @@ use super::fragment::Fragment;
 use super::path::Path;
 #[cfg(target_arch = "x86_64")]
 pub(super) use super::side_by_side::SideBySide;
-use super::tile::{FragmentsByPixel, Scene, has, place};
+use super::tile::{FragmentsByPixel, Scene, place};
 use crate::optics::Accumulator;
 use crate::optics::exact::ExactTable;
 
@@ -21,23 +21,14 @@ pub(super) type SideBySide = ();
 /// The light of rays.
 pub(super) enum Lights<'a, R, A> {
     /// One ray after the other.
-    Each(Box<[RayLight<R, A>]>),
+    Each(&'a mut [RayLight<R, A>]),
     /// Eight rays side by side.
+    #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code, reason = "there are no vectors"))]
     SideBySide(&'a ExactTable, &'a mut SideBySide),
 }
 
+#[cfg_attr(not(target_arch = "x86_64"), allow(unused_variables, reason = "there are no vectors"))]
 impl<'a, R: Copy + Default, A: Ahead> Lights<'a, R, A> {
-    /// The rays that are cast, one after the other.
-    pub(super) fn each<M, Y>(scene: &'a Scene<'_, M, Y>, rays: &TileRays) -> Self
-    where
-        M: Medium<Ray = R, Light = Accumulator>,
-        Y: Layers<Ahead<'a> = A> + 'a,
-    {
-        let unused = RayLight::new(scene.view.near_depth(), A::NONE);
-        let light = |pixel| if has(&rays.rendered, pixel) { scene.light(rays, pixel) } else { unused };
-        Self::Each((0..PIXELS).map(light).collect())
-    }
-
     /// Rays without light, side by side.
     pub(super) fn side_by_side(table: &'a ExactTable, lights: &'a mut SideBySide) -> Self {
         #[cfg(target_arch = "x86_64")]
@@ -46,10 +37,10 @@ impl<'a, R: Copy + Default, A: Ahead> Lights<'a, R, A> {
     }
 
     /// Begins a round.
-    pub(super) fn begin_round(&mut self, _paths: &[Path; PIXELS]) {
+    pub(super) fn begin_round(&mut self, paths: &[Path; PIXELS]) {
         #[cfg(target_arch = "x86_64")]
         if let Self::SideBySide(_, lights) = self {
-            lights.begin_round(_paths);
+            lights.begin_round(paths);
         }
     }
 
@@ -79,18 +70,18 @@ impl<'a, R: Copy + Default, A: Ahead> Lights<'a, R, A> {
     #[inline(always)]
     pub(super) fn advance_in_order<M: Medium<Ray = R, Light = Accumulator>, Y: Layers>(
         &mut self,
-        _scene: &Scene<'_, M, Y>,
-        _by_pixel: FragmentsByPixel<'_>,
-        _pixel: usize,
-        (_path, _bound): (&mut Path, f64),
+        scene: &Scene<'_, M, Y>,
+        by_pixel: FragmentsByPixel<'_>,
+        pixel: usize,
+        (path, bound): (&mut Path, f64),
     ) -> Option<usize> {
         match self {
             #[cfg(target_arch = "x86_64")]
-            Self::SideBySide(_, lights) if _scene.k_buffer.exact_order => {
-                let range = _by_pixel.range(_pixel);
-                let fragments = _by_pixel.some(range.clone()).map(Fragment::from);
-                let how = (_scene.tie, _bound, _scene.medium.cell_scalars());
-                lights.advance_in_order(_path, fragments, how).map(|count| range.start + count)
+            Self::SideBySide(_, lights) if scene.k_buffer.exact_order => {
+                let range = by_pixel.range(pixel);
+                let fragments = by_pixel.some(range.clone()).map(Fragment::from);
+                let how = (scene.tie, bound, scene.medium.cell_scalars());
+                lights.advance_in_order(path, fragments, how).map(|count| range.start + count)
             }
             _ => None,
         }
@@ -98,24 +89,24 @@ impl<'a, R: Copy + Default, A: Ahead> Lights<'a, R, A> {
 
     /// Ends a pixel, whether it has been advanced or not.
     #[inline(always)]
-    pub(super) fn end(&mut self, _pixel: usize) {
+    pub(super) fn end(&mut self, pixel: usize) {
         #[cfg(target_arch = "x86_64")]
         if let Self::SideBySide(_, lights) = self {
-            lights.end(_pixel);
+            lights.end(pixel);
         }
     }
 
     /// Composites what is not composited yet; returns the number of pieces.
     pub(super) fn end_round<M, Y>(
         &mut self,
-        _scene: &Scene<'_, M, Y>,
-        _rays: &TileRays,
-        _pixels: &mut [TilePixel],
+        scene: &Scene<'_, M, Y>,
+        rays: &TileRays,
+        pixels: &mut [TilePixel],
     ) -> u64 {
         match self {
             #[cfg(target_arch = "x86_64")]
             Self::SideBySide(table, lights) => {
-                lights.composite((_scene.view, _rays), (_scene.arch, table, _scene.early_termination), _pixels)
+                lights.composite((scene.view, rays), (scene.arch, table, scene.early_termination), pixels)
             }
             _ => 0,
         }
@@ -124,16 +115,16 @@ impl<'a, R: Copy + Default, A: Ahead> Lights<'a, R, A> {
     /// The path of a pixel that turned out to be opaque, if its path went on, from the fragments of this round, which `line_of` puts in order.
     pub(super) fn path_to_opaque<'f>(
         &self,
-        _rays: &TileRays,
-        _pixel: usize,
-        _tie: f64,
-        _line_of: impl FnOnce() -> &'f [Fragment],
+        rays: &TileRays,
+        pixel: usize,
+        tie: f64,
+        line_of: impl FnOnce() -> &'f [Fragment],
     ) -> Option<Path> {
         match self {
             #[cfg(target_arch = "x86_64")]
             Self::SideBySide(_, lights) => {
-                let from = lights.became_opaque(_pixel, place(_rays, _pixel))?;
-                Some(lights.path_to(_pixel, from, _line_of(), _tie))
+                let from = lights.became_opaque(pixel, place(rays, pixel))?;
+                Some(lights.path_to(pixel, from, line_of(), tie))
             }
             _ => None,
         }

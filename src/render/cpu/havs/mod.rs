@@ -199,7 +199,7 @@ impl RenderTiles for FaceTiles {
                 _ => Scalar.vectorize(RenderTile { lanes: Scalar, scene: &scene, tile, scratch, pixels }),
             };
             let fragments = counts.fragments as usize;
-            waste(Slow::KBuffer, fragments);
+            waste(Slow::Faces, fragments);
             waste(Slow::FaceLanes, if portable { 0 } else { fragments });
             waste(Slow::FewFaces, if scene.is_complete { 0 } else { fragments });
             counts

@@ -1,6 +1,6 @@
 //! Draws one tile, round by round.
 
-use super::super::super::layers::Layers;
+use super::super::super::layers::{Ahead, Layers};
 use super::super::super::medium::{Medium, RayPoint};
 use super::super::light::RayLight;
 use super::super::raster::boxes::Bounds;
@@ -58,6 +58,12 @@ impl<M: Medium<Light = Accumulator>, Y: Layers> Scene<'_, M, Y> {
         self.eye_cells.is_empty() && !self.bins.has_some(tile) && !self.layers.has_some_in(x..x + width, y..y + height)
     }
 
+    /// The lights of the rays of a tile before their first fragments.
+    fn lights(&self, rays: &TileRays) -> [RayLight<M::Ray, Y::Ahead<'_>>; PIXELS] {
+        let unused = RayLight::new(self.view.near_depth(), Y::Ahead::NONE);
+        std::array::from_fn(|pixel| if has(&rays.rendered, pixel) { self.light(rays, pixel) } else { unused })
+    }
+
     /// The light of a ray before its first fragment, of a pixel of a tile in the image.
     pub(super) fn light(&self, rays: &TileRays, pixel: usize) -> RayLight<M::Ray, Y::Ahead<'_>> {
         let (column, row) = (rays.bounds.x0 + pixel % TILE_PX, rays.bounds.y0 + pixel / TILE_PX);
@@ -100,7 +106,7 @@ const LATER_ROUNDS: usize = 128 * PIXELS;
 /// Buffers of a tile, reused from tile to tile.
 #[derive(Default)]
 pub(super) struct TileScratch {
-    scratch: FragmentScratch,
+    fragments: FragmentScratch,
     side_by_side: SideBySide,
     /// Parts of the tile still to be drawn.
     parts: Vec<TileBits>,
@@ -185,7 +191,7 @@ fn halves(part: &TileBits) -> [TileBits; 2] {
     [first, of_pixels(|pixel| has(part, pixel) && !has(&first, pixel))]
 }
 
-pub(super) fn has(pixels: &TileBits, pixel: usize) -> bool {
+fn has(pixels: &TileBits, pixel: usize) -> bool {
     pixels[pixel / TILE_PX] >> (pixel % TILE_PX) & 1 == 1
 }
 
@@ -223,14 +229,18 @@ fn draw<M: Medium<Light = Accumulator>, Y: Layers, L: Lanes>(
     scene: &Scene<'_, M, Y>,
     tile: usize,
     rays: &mut TileRays,
-    (TileScratch { scratch, side_by_side, .. }, pixels): (&mut TileScratch, &mut [TilePixel]),
+    (TileScratch { fragments: scratch, side_by_side, .. }, pixels): (&mut TileScratch, &mut [TilePixel]),
 ) -> Option<FrameStats> {
     let part = rays.rendered;
     let is_alone = count_of(&part) < 2;
     let mut paths = [Path::START; PIXELS];
+    let mut alone;
     let mut lights = match scene.table_of_lanes(rays) {
         Some(table) => Lights::side_by_side(table, side_by_side),
-        None => Lights::each(scene, rays),
+        None => {
+            alone = scene.lights(rays);
+            Lights::Each(&mut alone)
+        }
     };
     scratch.fragments.clear();
     scratch.held_of.fill(0);
@@ -239,6 +249,7 @@ fn draw<M: Medium<Light = Accumulator>, Y: Layers, L: Lanes>(
     let mut queue = FaceQueue::new(scene.bins, tile, scene.cancel);
     let (mut round, mut some_are_closed) = (FIRST_ROUND, false);
     loop {
+        // As many as are held back, at least: all of these are put in order in each round.
         let held = scratch.fragments.len();
         let is_last = collect(lanes, scene, rays, scratch, (&mut queue, some_are_closed, held + round.max(held)));
         stats.fragments += (scratch.fragments.len() - held) as u64;
@@ -301,7 +312,10 @@ fn collect<M: Medium<Light = Accumulator>, Y: Layers, L: Lanes>(
             faces.some_hits(lanes, face, (scene.view, scene.vertices), rays, candidates, |hits| {
                 let &Hits { which, pixels, depth, scalar, turned, cells: [front, behind] } = hits;
                 let at = |l: usize| RayPoint { depth: depth[l], scalar: scalar[l] };
-                fragments.push_some([front, behind], which & !turned, pixels, depth, at);
+                // Most faces are seen from one side.
+                if which & !turned != 0 {
+                    fragments.push_some([front, behind], which & !turned, pixels, depth, at);
+                }
                 if which & turned != 0 {
                     fragments.push_some([behind, front], which & turned, pixels, depth, at);
                 }

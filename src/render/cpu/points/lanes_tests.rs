@@ -18,7 +18,7 @@ fn counted(mut renderer: Points, job: &RenderJob) -> (Planes, [u64; 5]) {
 }
 
 /// A grid of cells; torn; or two at the same place, so that cells overlap.
-pub(in crate::render::cpu) fn mesh_of(case: usize, random: &mut Random) -> Arc<Mesh> {
+fn mesh_of(case: usize, random: &mut Random) -> Arc<Mesh> {
     let mut raw = jittered(kuhn_grid([4, 3, 5]), random);
     if case % 3 == 2 {
         let other = jittered(kuhn_grid([4, 3, 5]), random);
@@ -31,18 +31,21 @@ pub(in crate::render::cpu) fn mesh_of(case: usize, random: &mut Random) -> Arc<M
     Arc::new(Mesh::build(raw).unwrap().0)
 }
 
+/// A job of cells with scalars of vertices, now and then of cells; dense, opaque, with narrow and with thin ranges, with and without early end.
+pub(in crate::render::cpu) fn job_of(case: usize, random: &mut Random) -> RenderJob {
+    let mesh = mesh_of(case, random);
+    let table = [dense(), tents(), constant(3e3), tents(), constant(0.5)][case % 5].clone();
+    let mut job = testing::job(&mesh, field(&mesh), &cameras(&mesh)[case % 4], (37, 21), table);
+    job.skip.opaque = !case.is_multiple_of(7);
+    if case % 8 == 7 { testing::of_cells(&job) } else { job }
+}
+
 #[test]
 fn rays_side_by_side_have_the_bits_and_the_counts_of_rays_one_after_the_other() {
     let mut random = Random::new(20);
     let (mut out_of_order, mut stopped, mut several) = (0, 0, 0);
     for case in 0..36 {
-        let mesh = mesh_of(case, &mut random);
-        let table = [dense(), tents(), constant(3e3), tents(), constant(0.5)][case % 5].clone();
-        let mut job = testing::job(&mesh, field(&mesh), &cameras(&mesh)[case % 4], (37, 21), table);
-        job.skip.opaque = !case.is_multiple_of(7);
-        if case % 8 == 7 {
-            job = testing::of_cells(&job);
-        }
+        let job = job_of(case, &mut random);
         let style = PointStyle { exact_order: case % 4 != 3, lod: [1.0, 0.7][case / 18], ..EXACT };
         let job = with_points(&job, style);
         let (whole, one) = (counted(Points::new(), &job), counted(Points::portable(), &job));

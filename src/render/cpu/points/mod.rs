@@ -59,7 +59,7 @@ pub(super) mod lanes_tests;
 mod place;
 mod shape;
 #[cfg(test)]
-pub(super) mod tests;
+mod tests;
 mod tet;
 mod tets;
 #[cfg(test)]

@@ -25,7 +25,7 @@ pub(super) fn built(raw: RawMesh) -> Arc<Mesh> {
 }
 
 /// A smooth field in [0, 1] of a vertex's place in the box.
-pub(in crate::render::cpu) fn field(mesh: &Mesh) -> Vec<f32> {
+pub(super) fn field(mesh: &Mesh) -> Vec<f32> {
     let (lo, hi) = mesh.positions.world_bounds();
     let at = |v: usize| (mesh.positions.world(v) - lo) / (hi - lo);
     let value = |p: DVec3| 0.5 + 0.3 * (5.0 * p.x + p.z).sin() * (4.0 * p.y).cos() + 0.2 * (7.0 * p.z).sin();
@@ -37,21 +37,21 @@ fn nodes(nodes: &[(f64, f64, f64)]) -> Arc<NodeTable> {
     Arc::new(NodeTable::new(nodes.iter().map(node).collect()).unwrap())
 }
 
-pub(in crate::render::cpu) fn dense() -> Arc<NodeTable> {
+pub(super) fn dense() -> Arc<NodeTable> {
     nodes(&[(0.0, 0.0, 0.5), (0.4, 0.2, 2.0), (0.4, 0.9, 0.3), (1.0, 1.0, 3.0)])
 }
 
-pub(in crate::render::cpu) fn tents() -> Arc<NodeTable> {
+pub(super) fn tents() -> Arc<NodeTable> {
     let tent = |at: f64, red: f64| [(at - 0.05, red, 0.0), (at, red, 8.0), (at + 0.05, red, 0.0)];
     nodes(&[tent(0.2, 0.1), tent(0.5, 0.5), tent(0.8, 0.9)].concat())
 }
 
-pub(in crate::render::cpu) fn constant(tau: f64) -> Arc<NodeTable> {
+pub(super) fn constant(tau: f64) -> Arc<NodeTable> {
     nodes(&[(0.5, 0.5, tau)])
 }
 
 /// Cameras outside, inside of a cell, close with a near plane, and with parallel rays along the edges of a grid of unit cubes.
-pub(in crate::render::cpu) fn cameras(mesh: &Mesh) -> [Camera; 4] {
+pub(super) fn cameras(mesh: &Mesh) -> [Camera; 4] {
     let outside = Camera::default_for(mesh.positions.world_bounds()).unwrap();
     let (lo, hi) = mesh.positions.world_bounds();
     let inside = Camera { position: lo + 0.37 * (hi - lo), focal_point: hi, ..outside };

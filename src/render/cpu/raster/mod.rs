@@ -49,7 +49,7 @@ pub(super) struct Hit {
     pub(super) is_turned: bool,
 }
 
-/// Hits of one face on the rays of eight pixels, those of them whose bits are set.
+/// Hits of one face by the rays of eight pixels, those of them whose bits are set, at least one.
 pub(super) struct Hits<'a> {
     pub(super) which: u8,
     pub(super) pixels: &'a [u32; EIGHT],
@@ -224,7 +224,9 @@ impl Faces {
             }
             let turned = lanes.less_f64(e[0], [0.0; EIGHT]);
             let (depth, scalar) = self.depth_and_scalar(i, &e);
-            some(&Hits { which: certain, pixels, depth: &depth, scalar: &scalar, turned, cells });
+            if certain != 0 {
+                some(&Hits { which: certain, pixels, depth: &depth, scalar: &scalar, turned, cells });
+            }
             while doubtful != 0 {
                 let l = doubtful.trailing_zeros() as usize % EIGHT;
                 doubtful &= doubtful - 1;
