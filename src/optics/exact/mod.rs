@@ -7,6 +7,7 @@
 //! Values within an interval are interpolated from its foot, the end with less extinction: both summands are positive, so that the extinction
 //! keeps its digits all the way down a steep ramp. From the other end it would be off by 2^-24 of the extinction at the top.
 
+mod run;
 mod whole;
 
 use super::weights::{DEPTH_MAX, WEIGHED_AT_ONCE, weigh};
@@ -14,7 +15,9 @@ use super::{Accumulator, Integrator, PieceWeights, ScalarMap, piece_weights};
 use crate::node_table::{Node, NodeTable};
 use arrayvec::ArrayVec;
 use glam::Vec4;
-pub(crate) use whole::{AT_ONCE, WholePieces};
+pub(crate) use run::RUN;
+use run::Run;
+use whole::WholePieces;
 
 /// Red, green, blue and extinction per unit of length at one scalar, in one vector, as all are interpolated alike.
 #[derive(Clone, Copy, Debug)]
@@ -103,8 +106,7 @@ impl IntervalRow {
 pub struct ExactTable {
     intervals: Vec<Interval>,
     rows: Vec<IntervalRow>,
-    /// Pieces in the order of rising and of falling scalars.
-    whole: [WholePieces; 2],
+    whole: WholePieces,
 }
 
 impl ExactTable {
@@ -117,7 +119,7 @@ impl ExactTable {
             intervals.push(Interval::new(pair[0].scalar, pair[1].scalar, &pair[0], &pair[1], world_per_length));
         }
         intervals.push(Interval::new(last.scalar, f64::INFINITY, last, last, world_per_length));
-        let whole = [WholePieces::rising(&intervals), WholePieces::falling(&intervals)];
+        let whole = WholePieces::new(&intervals);
         let rows = intervals.iter().map(IntervalRow::of).collect();
         Self { intervals, rows, whole }
     }
@@ -177,16 +179,10 @@ impl ExactTable {
         &self.rows[index]
     }
 
-    /// Pieces from node to node for rising or for falling scalars.
+    /// Pieces from node to node.
     #[inline(always)]
-    pub(crate) fn whole(&self, falls: bool) -> &WholePieces {
-        &self.whole[usize::from(falls)]
-    }
-
-    /// Index of an interval in [`Self::whole`], and vice versa.
-    #[inline(always)]
-    pub(crate) fn place_of(&self, interval: usize, falls: bool) -> usize {
-        if falls { self.intervals.len() - 1 - interval } else { interval }
+    pub(crate) fn whole(&self) -> &WholePieces {
+        &self.whole
     }
 
     /// Whether no scalar has extinction.
@@ -218,7 +214,7 @@ impl ExactRay {
         let interval = &intervals[self.interval];
         // The usual case: no node is crossed.
         if s1 < interval.hi && s1 > interval.lo && s0 < interval.hi {
-            self.piece(interval, s1, length, into);
+            self.piece(interval, s1, length, into, None);
         } else {
             self.across_nodes(intervals, s0, s1, length, into);
         }
@@ -226,7 +222,14 @@ impl ExactRay {
 
     /// Passes on one piece of a segment; returns whether anything behind it can be visible.
     #[inline(always)]
-    fn piece(&mut self, interval: &Interval, to: f64, length: f64, into: &mut impl TakePiece) -> bool {
+    fn piece(
+        &mut self,
+        interval: &Interval,
+        to: f64,
+        length: f64,
+        into: &mut impl TakePiece,
+        place: Option<usize>,
+    ) -> bool {
         let near = self.here;
         self.here = interval.at(to);
         if !self.transparent {
@@ -235,7 +238,7 @@ impl ExactRay {
             let [near_depth, far_depth] = [near, far].map(|end| (end.tau() * length).max(0.0));
             // A constant piece at the foot of a ramp is invisible.
             if near_depth > 0.0 || far_depth > 0.0 {
-                into.take(Piece { near: near.color(), far: far.color(), near_depth, far_depth });
+                into.take(Piece { near: near.color(), far: far.color(), near_depth, far_depth }, place);
             }
             return near_depth + far_depth <= 2.0 * DEPTH_MAX;
         }
@@ -246,6 +249,7 @@ impl ExactRay {
     fn across_nodes(&mut self, intervals: &[Interval], s0: f64, s1: f64, length: f64, into: &mut impl TakePiece) {
         let mut s = s0;
         let mut rest = length;
+        let mut to_nodes = ToNodes::default();
         if s1 >= s0 {
             // At a node the side that the ray goes to holds; a constant segment takes the right one.
             while s >= intervals[self.interval].hi {
@@ -254,7 +258,8 @@ impl ExactRay {
             let per_scalar = if s1 > s0 { length / (s1 - s0) } else { 0.0 };
             while s1 > intervals[self.interval].hi {
                 let interval = &intervals[self.interval];
-                if !self.piece(interval, interval.hi, (interval.hi - s) * per_scalar, into) {
+                let place = to_nodes.next(into);
+                if !self.piece(interval, interval.hi, (interval.hi - s) * per_scalar, into, place) {
                     return self.leave_out_rest(intervals, s1);
                 }
                 s = interval.hi;
@@ -268,7 +273,8 @@ impl ExactRay {
             let per_scalar = length / (s0 - s1);
             while s1 < intervals[self.interval].lo {
                 let interval = &intervals[self.interval];
-                if !self.piece(interval, interval.lo, (s - interval.lo) * per_scalar, into) {
+                let place = to_nodes.next(into);
+                if !self.piece(interval, interval.lo, (s - interval.lo) * per_scalar, into, place) {
                     return self.leave_out_rest(intervals, s1);
                 }
                 s = interval.lo;
@@ -276,7 +282,7 @@ impl ExactRay {
                 self.move_to(intervals, self.interval - 1, s);
             }
         }
-        self.piece(&intervals[self.interval], s1, rest, into);
+        self.piece(&intervals[self.interval], s1, rest, into, None);
     }
 
     /// Moves to the end of a segment whose rest is invisible.
@@ -305,20 +311,58 @@ struct Piece {
 
 /// Consumer of pieces.
 trait TakePiece {
-    fn take(&mut self, piece: Piece);
+    /// Takes a piece, with its place in its [`Run`] if it is whole.
+    fn take(&mut self, piece: Piece, place: Option<usize>);
+
+    /// The whole pieces that follow are another run.
+    fn end_run(&mut self);
 }
 
-/// Composites each piece immediately.
+/// Pieces of a segment that end at nodes: all but the first one are whole, and each [`RUN`] of these, visible or not, are a run.
+#[derive(Default)]
+struct ToNodes {
+    /// Pieces so far.
+    count: usize,
+}
+
+impl ToNodes {
+    /// The place of the next piece in its run, if it is whole.
+    #[inline(always)]
+    fn next(&mut self, into: &mut impl TakePiece) -> Option<usize> {
+        let whole = self.count.checked_sub(1);
+        self.count += 1;
+        let place = whole? % RUN;
+        if place == 0 {
+            into.end_run();
+        }
+        Some(place)
+    }
+}
+
+/// Composites each piece immediately, or each run.
 struct OneByOne<'a> {
     out: &'a mut Accumulator,
+    run: Run,
     count: u64,
 }
 
 impl TakePiece for OneByOne<'_> {
     #[inline(always)]
-    fn take(&mut self, piece: Piece) {
-        self.out.add(piece_weights(piece.near_depth, piece.far_depth), piece.near, piece.far);
+    fn take(&mut self, piece: Piece, place: Option<usize>) {
+        let weights = piece_weights(piece.near_depth, piece.far_depth);
+        match place {
+            Some(place) => self.run.put(place, weights, [piece.near, piece.far]),
+            None => {
+                self.end_run();
+                self.out.add(weights, piece.near, piece.far);
+            }
+        }
         self.count += 1;
+    }
+
+    #[inline(always)]
+    fn end_run(&mut self) {
+        self.run.end(self.out);
     }
 }
 
@@ -328,38 +372,55 @@ const ROOM: usize = 4 * WEIGHED_AT_ONCE;
 /// Buffer of pieces to be weighed side by side.
 struct Pieces<'a> {
     out: &'a mut Accumulator,
+    run: Run,
+    /// Whether the next whole piece is one of another run.
+    ends_run: bool,
     /// Pieces taken so far.
     count: u64,
     near_depth: [f32; ROOM],
     far_depth: [f32; ROOM],
-    /// Colours at both ends. Not an array: clearing one takes as long as compositing some pieces.
-    colors: ArrayVec<[Vec4; 2], ROOM>,
+    /// Not an array: clearing one takes as long as compositing some pieces.
+    waiting: ArrayVec<Waiting, ROOM>,
+}
+
+/// A piece to be weighed: colours at both ends, its place in a run, and whether the run before ends in front of it.
+struct Waiting {
+    colors: [Vec4; 2],
+    place: Option<usize>,
+    ends_run: bool,
 }
 
 impl TakePiece for Pieces<'_> {
     #[inline(always)]
-    fn take(&mut self, piece: Piece) {
-        if self.colors.is_full() {
+    fn take(&mut self, piece: Piece, place: Option<usize>) {
+        if self.waiting.is_full() {
             self.make_room();
         }
-        let at = self.colors.len() % ROOM;
+        let at = self.waiting.len() % ROOM;
         (self.near_depth[at], self.far_depth[at]) = (piece.near_depth, piece.far_depth);
-        self.colors.push([piece.near, piece.far]);
+        let ends_run = place.is_none() | std::mem::take(&mut self.ends_run);
+        self.waiting.push(Waiting { colors: [piece.near, piece.far], place, ends_run });
         self.count += 1;
+    }
+
+    #[inline(always)]
+    fn end_run(&mut self) {
+        self.ends_run = true;
     }
 }
 
 impl<'a> Pieces<'a> {
     #[inline(always)]
     fn new(out: &'a mut Accumulator) -> Self {
-        Self { out, count: 0, near_depth: [0.0; ROOM], far_depth: [0.0; ROOM], colors: ArrayVec::new_const() }
+        let (none, waiting) = ([0.0; ROOM], ArrayVec::new_const());
+        Self { out, run: Run::EMPTY, ends_run: false, count: 0, near_depth: none, far_depth: none, waiting }
     }
 
     #[cold]
     #[inline(never)]
     fn make_room(&mut self) {
         self.composite();
-        self.colors.clear();
+        self.waiting.clear();
     }
 
     /// Weighs the buffered pieces side by side and composites them one after the other.
@@ -368,11 +429,18 @@ impl<'a> Pieces<'a> {
         // A copy stays in registers, from one piece to the next.
         let mut out = *self.out;
         let depths = self.near_depth.as_chunks().0.iter().zip(self.far_depth.as_chunks().0);
-        for (colors, (near, far)) in self.colors.chunks(WEIGHED_AT_ONCE).zip(depths) {
+        for (waiting, (near, far)) in self.waiting.chunks(WEIGHED_AT_ONCE).zip(depths) {
             let weights = weigh(near, far);
-            for (i, [near, far]) in colors.iter().enumerate() {
-                let [near_weight, far_weight] = weights.map(|w| w[i]);
-                out.add(PieceWeights { near: near_weight, far: far_weight }, *near, *far);
+            for (i, piece) in waiting.iter().enumerate() {
+                let [near, far] = weights.map(|w| w[i]);
+                let weights = PieceWeights { near, far };
+                if piece.ends_run {
+                    self.run.end(&mut out);
+                }
+                match piece.place {
+                    Some(place) => self.run.put(place, weights, piece.colors),
+                    None => out.add(weights, piece.colors[0], piece.colors[1]),
+                }
             }
         }
         *self.out = out;
@@ -389,8 +457,9 @@ impl Integrator for ExactTable {
 
     #[inline(always)]
     fn segment(&self, place: &mut ExactRay, s0: f64, s1: f64, length: f64, out: &mut Accumulator) -> u64 {
-        let mut pieces = OneByOne { out, count: 0 };
+        let mut pieces = OneByOne { out, run: Run::EMPTY, count: 0 };
         place.split(self, s0, s1, length, &mut pieces);
+        pieces.end_run();
         pieces.count
     }
 
@@ -409,6 +478,7 @@ impl Integrator for ExactTable {
         }
         *place = ray;
         pieces.composite();
+        pieces.run.end(pieces.out);
         pieces.count
     }
 

@@ -49,9 +49,11 @@ fn nothing_behind_a_deep_piece_is_looked_at_and_the_light_is_the_same() {
                 .map(|(s, to)| table.segment(&mut ray, s, to, 1.0, &mut in_parts))
                 .sum();
             assert_eq!(pieces, of_all);
-            // The transmittance of a deep piece is the rounding of 1.
+            // The transmittance of a deep piece is the rounding of 1; pieces of runs differ by the bound of a run, and half a bit for each
+            // sum of pieces.
             let off = whole.pixel().iter().zip(in_parts.pixel()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-            assert!(off <= if expected == 1 { f32::EPSILON } else { 0.0 }, "{tau}: {off:e}");
+            let bound = if expected == 1 { 2.0 } else { 15.0 + 0.5 * 100.0 };
+            assert!(off <= bound / (1 << 24) as f32, "{tau}: {off:e}");
             assert!(whole.is_opaque() == (tau > 1.0));
         }
     }

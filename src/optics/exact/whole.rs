@@ -2,81 +2,82 @@
 //! the table and only their lengths depend on the segment, so that many can be computed side by side.
 //!
 //! Tables for the longest path have many nodes: of three tents over viridis 530, of a ramp of opacity 233, most of them the 256 colours of the
-//! map. Side by side a frame takes 0.35 to 0.45 of the time of one piece after the other with tents, 0.74 to 0.88 dense, 0.95 to 1.04 in haze,
-//! where segments of fine cells cross one node or none (two threads of an EPYC with AVX-512, graded Delaunay meshes).
+//! map.
 
 use super::Interval;
+use super::run::RUN;
 use glam::Vec4;
 
-/// Pieces that are read together.
-pub(crate) const AT_ONCE: usize = 8;
-
-/// The intervals of a table in the order in which a rising or a falling scalar traverses them.
+/// The intervals of a table in the order in which rising scalars traverse them, then in that of falling ones, each padded with pieces whose
+/// ends no scalar reaches.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct WholePieces {
     /// Scalars at the far ends, negated where scalars fall, so that they ascend.
     ends: Vec<f64>,
-    widths: Vec<f64>,
-    /// Extinctions at the near and at the far ends.
-    extinctions: [Vec<f32>; 2],
-    /// Red, green, blue and 1 at the near and at the far ends.
-    colors: Vec<[Vec4; 2]>,
+    /// Red, green, blue and extinction at the near ends, then at the far ends.
+    values: [Vec<f32>; 8],
 }
 
 impl WholePieces {
-    pub(super) fn rising(intervals: &[Interval]) -> Self {
-        Self::of(intervals.iter().map(|i| (i.hi, i.ends(), i)))
-    }
-
-    pub(super) fn falling(intervals: &[Interval]) -> Self {
-        let far_to_near = |[lo, hi]: [Vec4; 2]| [hi, lo];
-        Self::of(intervals.iter().rev().map(|i| (-i.lo, far_to_near(i.ends()), i)))
-    }
-
-    fn of<'a>(pieces: impl Iterator<Item = (f64, [Vec4; 2], &'a Interval)>) -> Self {
+    pub(super) fn new(intervals: &[Interval]) -> Self {
         let mut all = Self::default();
-        for (end, values, interval) in pieces {
-            all.ends.push(end);
-            // The first and the last interval are infinite and never whole.
-            let is_finite = interval.lo.is_finite() && interval.hi.is_finite();
-            all.widths.push(if is_finite { interval.hi - interval.lo } else { 0.0 });
-            for (extinctions, value) in all.extinctions.iter_mut().zip(values) {
-                extinctions.push(value.w);
-            }
-            all.colors.push(values.map(|value| value.with_w(1.0)));
+        intervals.iter().for_each(|i| all.push(i.hi, i.ends()));
+        all.pad();
+        for i in intervals.iter().rev() {
+            let [lo, hi] = i.ends();
+            all.push(-i.lo, [hi, lo]);
         }
-        let room = all.ends.len() + AT_ONCE;
-        all.ends.resize(room, f64::INFINITY);
-        all.widths.resize(room, 0.0);
-        all.extinctions.iter_mut().for_each(|extinctions| extinctions.resize(room, 0.0));
+        all.pad();
         all
     }
 
-    /// [`AT_ONCE`] pieces from `first` on, padded behind the last interval with pieces whose ends no scalar reaches; then `None`.
-    #[inline(always)]
-    pub(crate) fn some(&self, first: usize) -> Option<SomePieces<'_>> {
-        let [near, far] = &self.extinctions;
-        Some(SomePieces {
-            ends: self.ends.get(first..)?.first_chunk()?,
-            widths: self.widths.get(first..)?.first_chunk()?,
-            extinctions: [near.get(first..)?.first_chunk()?, far.get(first..)?.first_chunk()?],
-        })
+    fn push(&mut self, end: f64, values: [Vec4; 2]) {
+        self.ends.push(end);
+        for (channel, value) in self.values.iter_mut().zip(values.iter().flat_map(|end| end.to_array())) {
+            channel.push(value);
+        }
     }
 
-    /// Colours (red, green, blue, 1) at the near and at the far ends of the pieces from `first` on.
+    fn pad(&mut self) {
+        (0..RUN).for_each(|_| self.push(f64::INFINITY, [Vec4::ZERO; 2]));
+    }
+
+    /// Where the piece of an interval is, followed by those that the scalar traverses next.
     #[inline(always)]
-    pub(crate) fn colors(&self, first: usize) -> &[[Vec4; 2]] {
-        &self.colors[first..]
+    pub(crate) fn place_of(&self, interval: usize, falls: bool) -> usize {
+        // The last ones are padding.
+        if falls { self.ends.len() - 1 - RUN - interval } else { interval }
+    }
+
+    /// The interval whose piece is at a place.
+    #[inline(always)]
+    pub(crate) fn interval_at(&self, place: usize, falls: bool) -> usize {
+        self.place_of(place, falls)
+    }
+
+    /// Scalars at the near and at the far ends of the pieces from a place on, negated where scalars fall, and extinctions there; `None` where
+    /// there are no more.
+    #[inline(always)]
+    pub(crate) fn run(&self, first: usize) -> Option<([Eight<'_, f64>; 2], [Eight<'_, f32>; 2])> {
+        // A piece begins where the one before ends.
+        let ends = [of_run(&self.ends, first.checked_sub(1)?)?, of_run(&self.ends, first)?];
+        let [.., near, _, _, _, far] = &self.values;
+        Some((ends, [of_run(near, first)?, of_run(far, first)?]))
+    }
+
+    /// Red, green and blue at the near and at the far ends of these pieces.
+    #[inline(always)]
+    pub(crate) fn colors(&self, first: usize) -> Option<[[Eight<'_, f32>; 2]; 3]> {
+        let [r, g, b, _, far_r, far_g, far_b, _] = &self.values;
+        let both = |near, far| Some([of_run(near, first)?, of_run(far, first)?]);
+        Some([both(r, far_r)?, both(g, far_g)?, both(b, far_b)?])
     }
 }
 
-/// [`AT_ONCE`] consecutive [`WholePieces`].
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct SomePieces<'a> {
-    /// Scalars at the far ends, negated where scalars fall.
-    pub(crate) ends: &'a [f64; AT_ONCE],
-    /// Scalar widths; 0 for intervals that are never whole.
-    pub(crate) widths: &'a [f64; AT_ONCE],
-    /// Extinctions at the near and at the far ends.
-    pub(crate) extinctions: [&'a [f32; AT_ONCE]; 2],
+/// One number for each piece of a run.
+type Eight<'a, T> = &'a [T; RUN];
+
+#[inline(always)]
+fn of_run<T>(all: &[T], first: usize) -> Option<Eight<'_, T>> {
+    all.get(first..)?.first_chunk()
 }

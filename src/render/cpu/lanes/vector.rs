@@ -1,6 +1,6 @@
 //! Vectors of eight numbers for the walk, on processors with AVX2 and with AVX-512. Every operation rounds as in the scalar walk.
 
-use pulp::core_arch::x86::Avx;
+use pulp::core_arch::x86::{Avx, Avx2};
 use pulp::x86::{V3, V4};
 use pulp::{NullaryFnOnce, cast};
 use std::arch::x86_64::{__m128, __m256, __m256d, __m256i, __m512d, __m512i, _CMP_LT_OQ};
@@ -20,6 +20,8 @@ pub(in crate::render::cpu) trait Lanes: Copy {
 
     /// Instructions common to all of these processors.
     fn avx(self) -> Avx;
+
+    fn avx2(self) -> Avx2;
 
     /// Calls a function compiled with all of the processor's instructions.
     fn vectorize(self, call: impl NullaryFnOnce<Output = ()>);
@@ -80,6 +82,33 @@ pub(in crate::render::cpu) trait Lanes: Copy {
     #[inline(always)]
     fn greater_f32(self, a: __m256, b: __m256) -> __m256 {
         self.avx()._mm256_max_ps(a, b)
+    }
+
+    /// Ones in the first `N` lanes (1, 2 or 4), then the first numbers of `a`.
+    #[inline(always)]
+    fn one_after<const N: usize>(self, a: __m256) -> __m256 {
+        let (avx, ones) = (self.avx(), self.splat_f32(1.0));
+        match N {
+            1 => {
+                let from: __m256i = cast([0u32, 0, 1, 2, 3, 4, 5, 6]);
+                avx._mm256_blend_ps::<0x01>(self.avx2()._mm256_permutevar8x32_ps(a, from), ones)
+            }
+            2 => {
+                let from: __m256i = cast([0u32, 0, 0, 1, 2, 3, 4, 5]);
+                avx._mm256_blend_ps::<0x03>(self.avx2()._mm256_permutevar8x32_ps(a, from), ones)
+            }
+            _ => avx._mm256_permute2f128_ps::<0x02>(a, ones),
+        }
+    }
+
+    /// The sums of the numbers of four vectors, of pairs of pairs.
+    #[inline(always)]
+    fn sums_f32(self, [a, b, c, d]: [__m256; 4]) -> [f32; 4] {
+        let avx = self.avx();
+        let of_halves = avx._mm256_hadd_ps(avx._mm256_hadd_ps(a, b), avx._mm256_hadd_ps(c, d));
+        let other = avx._mm256_permute2f128_ps::<0x01>(of_halves, of_halves);
+        let [sums, _]: [[f32; 4]; 2] = cast(self.add_f32(of_halves, other));
+        sums
     }
 
     /// The columns of eight rows.
@@ -171,6 +200,11 @@ impl Lanes for V4 {
     #[inline(always)]
     fn avx(self) -> Avx {
         self.avx
+    }
+
+    #[inline(always)]
+    fn avx2(self) -> Avx2 {
+        self.avx2
     }
 
     of_two!(
@@ -309,6 +343,11 @@ impl Lanes for V3 {
     #[inline(always)]
     fn avx(self) -> Avx {
         self.avx
+    }
+
+    #[inline(always)]
+    fn avx2(self) -> Avx2 {
+        self.avx2
     }
 
     of_two!(

@@ -62,6 +62,15 @@ impl<L: Lanes> Compare<L> {
         same(lanes.greater_f32(a, b), &|l| if a32[l] > b32[l] { a32[l] } else { b32[l] });
         same(lanes.select_f32(lanes.mask(FLAGS), a, b), &|l| if flag(l) { a32[l] } else { b32[l] });
         assert_eq!(lanes.less_f32(a, b), bits_of(|l| a32[l] < b32[l]));
+        let after = |n: usize, l: usize| if l < n { 1.0 } else { a32[l - n] };
+        same(lanes.one_after::<1>(a), &|l| after(1, l));
+        same(lanes.one_after::<2>(a), &|l| after(2, l));
+        same(lanes.one_after::<4>(a), &|l| after(4, l));
+        // Sums that another order would round otherwise.
+        let vectors: [[f32; LANES]; 4] =
+            std::array::from_fn(|i| std::array::from_fn(|l| (i * 8 + l) as f32).map(f32::sin));
+        let sums = vectors.map(|[a, b, c, d, e, f, g, h]| ((a + b) + (c + d)) + ((e + f) + (g + h)));
+        assert_eq!(lanes.sums_f32(vectors.map(cast)), sums);
     }
 
     fn compare_rows(&self) {

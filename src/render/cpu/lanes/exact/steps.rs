@@ -34,18 +34,8 @@ pub(super) struct Step {
     pub(super) hidden: u8,
     /// Whether it is the last step of its row.
     pub(super) ends_row: bool,
-    /// The run, if its pieces are successive pieces of one lane.
-    pub(super) run: Option<Run>,
-}
-
-/// Whole pieces of a segment, at most as many as lanes.
-#[derive(Clone, Copy)]
-pub(super) struct Run {
-    pub(super) lane: usize,
-    pub(super) falls: bool,
-    /// Index of the first one in the [`WholePieces`](crate::optics::exact::WholePieces).
-    pub(super) first: usize,
-    pub(super) count: usize,
+    /// The lane, and the place of the first one in the [`WholePieces`](crate::optics::exact::ExactTable::whole), if its pieces are a run.
+    pub(super) run: Option<(usize, usize)>,
 }
 
 /// The light of eight rays in registers.
@@ -135,7 +125,7 @@ impl<L: Lanes> ExactLights<'_, L> {
                 }
                 match about.run {
                     Some(run) => {
-                        self.add_run(at, run, [near, far], out);
+                        self.add_run(at, run, [cast(*near), cast(*far)], out);
                     }
                     None => {
                         if !in_registers {

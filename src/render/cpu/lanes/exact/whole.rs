@@ -1,15 +1,25 @@
-//! Pieces from node to node, side by side within a segment of one ray ([`WholePieces`](crate::optics::exact::WholePieces)).
+//! Pieces from node to node, side by side within a segment of one ray ([`WholePieces`](crate::optics::exact::ExactTable::whole)).
 
 use super::super::rows::{Out, Rows};
 use super::super::vector::{Eight, LANES, Lanes};
 use super::intervals::{InRegisters, Intervals};
-use super::steps::{Run, Step};
+use super::steps::Step;
 use super::{ExactLights, Optics};
-use crate::optics::exact::AT_ONCE;
-use crate::optics::{Accumulator, DEPTH_MAX, PieceWeights};
+use crate::optics::exact::RUN;
+use crate::optics::{Accumulator, DEPTH_MAX};
+use glam::Vec4;
 use pulp::cast;
+use std::arch::x86_64::__m256;
 
-const _: () = assert!(AT_ONCE == LANES);
+const _: () = assert!(RUN == LANES);
+
+/// Whole pieces of a lane's segment, from a place on, up to the scalar `end` (negated where scalars fall).
+struct WholeRun {
+    lane: usize,
+    first: usize,
+    end: f64,
+    per_scalar: f64,
+}
 
 impl<L: Lanes> ExactLights<'_, L> {
     /// Adds the whole pieces of segments that cross nodes, in the lanes `which`, behind the piece in the current interval: the lanes move
@@ -24,13 +34,28 @@ impl<L: Lanes> ExactLights<'_, L> {
         (which, descends, ends): (u8, u8, (Eight, Eight)),
         out: &mut Out<'_>,
     ) -> (u8, u8) {
+        let pieces = self.optics.table.whole();
+        let falls = |lane: usize| descends >> lane & 1 == 1;
+        let mut first = [0; LANES];
+        for (lane, first) in first.iter_mut().enumerate() {
+            *first = pieces.place_of(self.interval[lane], falls(lane)) + 1;
+        }
         let (mut visible, mut todo) = (0, which);
         while todo != 0 {
-            let lane = todo.trailing_zeros() as usize;
-            todo &= todo - 1;
-            let falls = descends >> lane & 1 == 1;
-            let is_visible = self.run(rows, row, (lane, falls), (ends.0[lane], ends.1[lane]), out);
-            visible |= u8::from(is_visible) << lane;
+            let mut left = todo;
+            while left != 0 {
+                let lane = left.trailing_zeros() as usize;
+                left &= left - 1;
+                let end = if falls(lane) { -ends.0[lane] } else { ends.0[lane] };
+                let run = WholeRun { lane, first: first[lane], end, per_scalar: ends.1[lane] };
+                let (count, is_visible) = self.run(rows, row, &run, out);
+                visible |= u8::from(is_visible) << lane;
+                first[lane] += count;
+                if count < RUN || self.closed >> lane & 1 == 1 {
+                    todo ^= 1 << lane;
+                    self.interval[lane] = pieces.interval_at(first[lane], falls(lane));
+                }
+            }
         }
         self.go_to_intervals(intervals, which);
         (visible, which & !self.closed)
@@ -54,71 +79,57 @@ impl<L: Lanes> ExactLights<'_, L> {
         }
     }
 
-    /// Adds the whole pieces of one lane's segment up to scalar `to`; true if one of them is visible.
+    /// Adds a run of whole pieces; returns how many there are, and whether one is visible.
     #[inline(always)]
-    fn run(
-        &mut self,
-        rows: &Rows,
-        row: usize,
-        (lane, falls): (usize, bool),
-        (to, per_scalar): (f64, f64),
-        out: &mut Out<'_>,
-    ) -> bool {
+    fn run(&mut self, rows: &Rows, row: usize, run: &WholeRun, out: &mut Out<'_>) -> (usize, bool) {
         let lanes = self.optics.lanes;
-        let table = self.optics.table;
-        let to = lanes.splat(if falls { -to } else { to });
-        let zero = lanes.splat_f32(0.0);
-        let mut first = table.place_of(self.interval[lane], falls) + 1;
-        let mut is_visible = false;
-        while let Some(some) = table.whole(falls).some(first) {
-            let whole = lanes.bits(lanes.lt(lanes.load(some.ends), to));
-            if whole == 0 {
-                break;
-            }
-            let length = lanes.mul(lanes.load(some.widths), lanes.splat(per_scalar));
-            let length = lanes.to_f32(lanes.select(lanes.mask(whole), length, lanes.splat(0.0)));
-            let [near, far] = some.extinctions;
-            let near = lanes.greater_f32(lanes.mul_f32(cast(*near), length), zero);
-            let far = lanes.greater_f32(lanes.mul_f32(cast(*far), length), zero);
-            let mut visible = lanes.less_f32(zero, near) | lanes.less_f32(zero, far);
-            let mut count = whole.trailing_ones();
-            let deep = lanes.less_f32(lanes.splat_f32(2.0 * DEPTH_MAX), lanes.add_f32(near, far));
-            if deep != 0 {
-                // Nothing behind the first of them is visible.
-                self.closed |= 1 << lane;
-                count = deep.trailing_zeros() + 1;
-                visible &= u8::MAX >> (LANES as u32 - count);
-            }
-            if visible != 0 {
-                is_visible = true;
-                let at = self.new_step(rows, out);
-                (self.steps.near_depth[at], self.steps.far_depth[at]) = (cast(near), cast(far));
-                let run = Run { lane, falls, first, count: count as usize };
-                self.steps.about[at] = Step { row, visible, run: Some(run), ..Step::default() };
-            }
-            first += count as usize;
-            if deep != 0 || count < LANES as u32 {
-                break;
-            }
+        let &WholeRun { lane, first, end, per_scalar } = run;
+        let Some(([begins, ends], [near, far])) = self.optics.table.whole().run(first) else { return (0, false) };
+        let ends = lanes.load(ends);
+        let mut whole = lanes.bits(lanes.lt(ends, lanes.splat(end)));
+        if whole == 0 {
+            return (0, false);
         }
-        self.interval[lane] = table.place_of(first, falls);
-        is_visible
+        let zero = lanes.splat_f32(0.0);
+        let length = lanes.mul(lanes.sub(ends, lanes.load(begins)), lanes.splat(per_scalar));
+        let length = lanes.to_f32(lanes.select(lanes.mask(whole), length, lanes.splat(0.0)));
+        let mut near = lanes.greater_f32(lanes.mul_f32(cast(*near), length), zero);
+        let mut far = lanes.greater_f32(lanes.mul_f32(cast(*far), length), zero);
+        let deep = lanes.less_f32(lanes.splat_f32(2.0 * DEPTH_MAX), lanes.add_f32(near, far));
+        if deep != 0 {
+            // Nothing behind the first of them is visible.
+            self.closed |= 1 << lane;
+            whole &= u8::MAX >> (LANES as u32 - 1 - deep.trailing_zeros());
+            let seen = lanes.mask(whole);
+            (near, far) = (lanes.select_f32(seen, near, zero), lanes.select_f32(seen, far, zero));
+        }
+        let visible = lanes.less_f32(zero, near) | lanes.less_f32(zero, far);
+        if visible != 0 {
+            let at = self.new_step(rows, out);
+            (self.steps.near_depth[at], self.steps.far_depth[at]) = (cast(near), cast(far));
+            self.steps.about[at] = Step { row, visible, run: Some((lane, first)), ..Step::default() };
+        }
+        (whole.count_ones() as usize, visible != 0)
     }
 
     /// Composites the pieces of a run with these weights.
     #[inline(always)]
-    pub(super) fn add_run(&mut self, at: usize, run: Run, [near, far]: [&[f32; LANES]; 2], out: &mut Out<'_>) {
-        let Run { lane, falls, first, count } = run;
+    pub(super) fn add_run(
+        &mut self,
+        at: usize,
+        (lane, first): (usize, usize),
+        [near, far]: [__m256; 2],
+        out: &mut Out<'_>,
+    ) {
         if self.opaque >> lane & 1 == 1 {
             return;
         }
+        let Some(colors) = self.optics.table.whole().colors(first) else { return };
+        let of_run = light_of_run(self.optics.lanes, [near, far], colors);
         let [r, g, b, a] = &self.rgba;
         let rgba = [r[lane], g[lane], b[lane], a[lane]];
         let mut light = Accumulator::of_parts(rgba, self.transmittance[lane], self.carried[lane]);
-        let colors = self.optics.table.whole(falls).colors(first);
-        for ((&near, &far), &[near_color, far_color]) in near.iter().zip(far).zip(colors).take(count) {
-            light.add(PieceWeights { near, far }, near_color, far_color);
-        }
+        light.add_premultiplied(of_run, of_run.w);
         let (rgba, transmittance, carried) = light.parts();
         for (i, channel) in rgba.into_iter().enumerate() {
             self.rgba[i][lane] = channel;
@@ -127,4 +138,21 @@ impl<L: Lanes> ExactLights<'_, L> {
         out.stats.segments += u64::from(self.steps.about[at].visible.count_ones());
         self.row_visible |= 1 << lane;
     }
+}
+
+/// Premultiplied red, green, blue, and opacity of a run with these weights and colours, as in [`Run`](crate::optics::exact::Run).
+#[inline(always)]
+fn light_of_run<L: Lanes>(lanes: L, [near, far]: [__m256; 2], [r, g, b]: [[&[f32; RUN]; 2]; 3]) -> Vec4 {
+    let opacity = lanes.add_f32(near, far);
+    let through = lanes.sub_f32(lanes.splat_f32(1.0), opacity);
+    // Of the piece in front of each, of two, of four, of all.
+    let one = lanes.one_after::<1>(through);
+    let two = lanes.mul_f32(one, lanes.one_after::<1>(one));
+    let four = lanes.mul_f32(two, lanes.one_after::<2>(two));
+    let all = lanes.mul_f32(four, lanes.one_after::<4>(four));
+    let (near, far) = (lanes.mul_f32(all, near), lanes.mul_f32(all, far));
+    let r = lanes.add_f32(lanes.mul_f32(cast(*r[0]), near), lanes.mul_f32(cast(*r[1]), far));
+    let g = lanes.add_f32(lanes.mul_f32(cast(*g[0]), near), lanes.mul_f32(cast(*g[1]), far));
+    let b = lanes.add_f32(lanes.mul_f32(cast(*b[0]), near), lanes.mul_f32(cast(*b[1]), far));
+    Vec4::from_array(lanes.sums_f32([r, g, b, lanes.mul_f32(all, opacity)]))
 }
