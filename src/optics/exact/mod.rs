@@ -83,7 +83,7 @@ impl Interval {
     }
 }
 
-/// An [`Interval`] in the layout that vector lanes read, one cache line long.
+/// An [`Interval`] in the layout that vector lanes read.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct IntervalRow {
@@ -91,13 +91,19 @@ pub(crate) struct IntervalRow {
     pub(crate) bounds: [f64; 4],
     /// Red, green, blue and extinction at the foot, then their rise to the other end.
     pub(crate) values: [f32; 8],
+    /// `lo` of the interval below, and `hi` of that above; two unused numbers.
+    pub(crate) around: [f64; 4],
 }
 
 impl IntervalRow {
-    fn of(interval: &Interval) -> Self {
-        let Interval { lo, hi, origin, per_width, at_foot, rise, .. } = *interval;
+    /// The row of the interval `at`.
+    fn of(intervals: &[Interval], at: usize) -> Self {
+        let Interval { lo, hi, origin, per_width, at_foot, rise, .. } = intervals[at];
         let values = bytemuck::cast([at_foot.0.to_array(), rise.0.to_array()]);
-        Self { bounds: [lo, hi, origin, per_width], values }
+        let (below, above) = (at.checked_sub(1), at + 1);
+        let below = below.and_then(|below| intervals.get(below)).map_or(f64::NEG_INFINITY, |interval| interval.lo);
+        let above = intervals.get(above).map_or(f64::INFINITY, |interval| interval.hi);
+        Self { bounds: [lo, hi, origin, per_width], values, around: [below, above, 0.0, 0.0] }
     }
 }
 
@@ -120,7 +126,7 @@ impl ExactTable {
         }
         intervals.push(Interval::new(last.scalar, f64::INFINITY, last, last, world_per_length));
         let whole = WholePieces::new(&intervals);
-        let rows = intervals.iter().map(IntervalRow::of).collect();
+        let rows = (0..intervals.len()).map(|at| IntervalRow::of(&intervals, at)).collect();
         Self { intervals, rows, whole }
     }
 

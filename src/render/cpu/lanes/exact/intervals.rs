@@ -11,6 +11,9 @@ use std::arch::x86_64::__m256;
 pub(super) struct Intervals<F, G> {
     pub(super) lo: F,
     pub(super) hi: F,
+    /// `lo` of the intervals below, and `hi` of those above.
+    pub(super) below: F,
+    pub(super) above: F,
     /// The foot, from which shares are counted; 0 where constant.
     pub(super) origin: F,
     pub(super) per_width: F,
@@ -28,6 +31,8 @@ impl Intervals<Eight, EightF32> {
         Intervals {
             lo: lanes.load(&self.lo),
             hi: lanes.load(&self.hi),
+            below: lanes.load(&self.below),
+            above: lanes.load(&self.above),
             origin: lanes.load(&self.origin),
             per_width: lanes.load(&self.per_width),
             at_foot: cast(self.at_foot),
@@ -42,6 +47,8 @@ impl<F: Copy> Intervals<F, __m256> {
         Intervals {
             lo: lanes.store(self.lo),
             hi: lanes.store(self.hi),
+            below: lanes.store(self.below),
+            above: lanes.store(self.above),
             origin: lanes.store(self.origin),
             per_width: lanes.store(self.per_width),
             at_foot: cast(self.at_foot),
@@ -69,6 +76,9 @@ impl<F: Copy> Intervals<F, __m256> {
         let [lo, hi, origin, per_width] = row.bounds;
         self.lo = lanes.select(mask, lanes.splat(lo), self.lo);
         self.hi = lanes.select(mask, lanes.splat(hi), self.hi);
+        let [below, above, ..] = row.around;
+        self.below = lanes.select(mask, lanes.splat(below), self.below);
+        self.above = lanes.select(mask, lanes.splat(above), self.above);
         self.origin = lanes.select(mask, lanes.splat(origin), self.origin);
         self.per_width = lanes.select(mask, lanes.splat(per_width), self.per_width);
         for i in 0..4 {
@@ -83,8 +93,9 @@ impl<F: Copy> Intervals<F, __m256> {
         let [a, b, c, d, e, f, g, h] = rows;
         let bounds = [a, b, c, d, e, f, g, h].map(|row| &row.bounds);
         let [lo, hi, origin, per_width] = lanes.transpose(bounds);
+        let [below, above, ..] = lanes.transpose([a, b, c, d, e, f, g, h].map(|row| &row.around));
         let values = [a, b, c, d, e, f, g, h].map(|row| &row.values);
         let [r, g, b, tau, dr, dg, db, dtau] = lanes.transpose_f32(values);
-        Self { lo, hi, origin, per_width, at_foot: [r, g, b, tau], rise: [dr, dg, db, dtau] }
+        Self { lo, hi, below, above, origin, per_width, at_foot: [r, g, b, tau], rise: [dr, dg, db, dtau] }
     }
 }

@@ -103,6 +103,8 @@ impl<'a, L: Lanes> ExactLights<'a, L> {
         let intervals = Intervals {
             lo: [f64::INFINITY; LANES],
             hi: [f64::NEG_INFINITY; LANES],
+            below: [f64::NEG_INFINITY; LANES],
+            above: [f64::INFINITY; LANES],
             origin: zero,
             per_width: zero,
             at_foot: [[0.0; LANES]; 4],

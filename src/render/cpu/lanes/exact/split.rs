@@ -21,6 +21,18 @@ struct Segments<F> {
     length: F,
 }
 
+/// Segments of the lanes `which` that cross nodes.
+pub(super) struct Crossing<F> {
+    pub(super) which: u8,
+    /// Bits of those that cross more than one.
+    pub(super) farther: u8,
+    /// Bits of those whose scalars fall.
+    pub(super) descends: u8,
+    /// Scalars at the far ends, and lengths per scalar.
+    pub(super) to: F,
+    pub(super) per_scalar: F,
+}
+
 impl<L: Lanes> ExactLights<'_, L> {
     /// Splits the segments of a row at nodes, and ends the row.
     #[inline(always)]
@@ -119,8 +131,10 @@ impl<L: Lanes> ExactLights<'_, L> {
         if crosses == 0 {
             return visible;
         }
-        let ends = (lanes.store(to), lanes.store(per_scalar));
-        let (of_whole, left) = self.whole_pieces(intervals, rows, row, (crosses, descends, ends), out);
+        let (below, above) = (lanes.lt(to, intervals.below), lanes.lt(intervals.above, to));
+        let farther = lanes.bits(below) & descends | lanes.bits(above) & !descends;
+        let crossing = Crossing { which: crosses, farther: crosses & farther, descends, to, per_scalar };
+        let (of_whole, left) = self.whole_pieces(intervals, rows, row, &crossing, out);
         let from = lanes.select(falls, intervals.hi, intervals.lo);
         let rest = lanes.mul(lanes.abs(lanes.sub(to, from)), per_scalar);
         let (of_last, _) = self.piece(intervals, rows, row, (left, from, to, rest), out);

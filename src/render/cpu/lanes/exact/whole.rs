@@ -1,8 +1,9 @@
 //! Pieces from node to node, side by side within a segment of one ray ([`WholePieces`](crate::optics::exact::ExactTable::whole)).
 
 use super::super::rows::{Out, Rows};
-use super::super::vector::{Eight, LANES, Lanes};
+use super::super::vector::{LANES, Lanes};
 use super::intervals::{InRegisters, Intervals};
+use super::split::Crossing;
 use super::steps::Step;
 use super::{ExactLights, Optics};
 use crate::optics::exact::RUN;
@@ -22,43 +23,59 @@ struct WholeRun {
 }
 
 impl<L: Lanes> ExactLights<'_, L> {
-    /// Adds the whole pieces of segments that cross nodes, in the lanes `which`, behind the piece in the current interval: the lanes move
-    /// to the intervals in which their segments end. `ends` are the scalars there, and lengths per scalar. Returns the lanes with visible
-    /// pieces, and those that still let light through.
+    /// Adds the whole pieces of segments that cross nodes, behind the piece in the current interval: the lanes move to the intervals in which
+    /// their segments end. Returns the lanes with visible pieces, and those that still let light through.
     #[inline(always)]
     pub(super) fn whole_pieces(
         &mut self,
         intervals: &mut InRegisters<L>,
         rows: &Rows,
         row: usize,
-        (which, descends, ends): (u8, u8, (Eight, Eight)),
+        crossing: &Crossing<L::F>,
         out: &mut Out<'_>,
     ) -> (u8, u8) {
+        let &Crossing { which, farther, descends, .. } = crossing;
+        for (lane, interval) in self.interval.iter_mut().enumerate() {
+            let up = usize::from(which & !descends & 1 << lane != 0);
+            let down = usize::from(which & descends & 1 << lane != 0);
+            *interval = *interval + up - down;
+        }
+        let visible = if farther == 0 { 0 } else { self.runs(rows, row, crossing, out) };
+        self.go_to_intervals(intervals, which);
+        (visible, which & !self.closed)
+    }
+
+    /// Adds the runs of segments that cross more than one node, from the intervals of their lanes on, which move. Returns the lanes with
+    /// visible ones.
+    #[inline(always)]
+    fn runs(&mut self, rows: &Rows, row: usize, crossing: &Crossing<L::F>, out: &mut Out<'_>) -> u8 {
+        let lanes = self.optics.lanes;
         let pieces = self.optics.table.whole();
-        let falls = |lane: usize| descends >> lane & 1 == 1;
+        let &Crossing { farther, descends, to, per_scalar, .. } = crossing;
+        let end = lanes.select(lanes.mask(descends), lanes.neg(to), to);
+        let (end, per_scalar) = (lanes.store(end), lanes.store(per_scalar));
         let mut first = [0; LANES];
         for (lane, first) in first.iter_mut().enumerate() {
-            *first = pieces.place_of(self.interval[lane], falls(lane)) + 1;
+            *first = pieces.place_of(self.interval[lane], descends >> lane & 1 == 1);
         }
-        let (mut visible, mut todo) = (0, which);
+        let (mut visible, mut todo) = (0, farther);
+        // One run of each lane, then the next: a run waits for the one before of its lane.
         while todo != 0 {
             let mut left = todo;
             while left != 0 {
                 let lane = left.trailing_zeros() as usize;
                 left &= left - 1;
-                let end = if falls(lane) { -ends.0[lane] } else { ends.0[lane] };
-                let run = WholeRun { lane, first: first[lane], end, per_scalar: ends.1[lane] };
+                let run = WholeRun { lane, first: first[lane], end: end[lane], per_scalar: per_scalar[lane] };
                 let (count, is_visible) = self.run(rows, row, &run, out);
                 visible |= u8::from(is_visible) << lane;
                 first[lane] += count;
                 if count < RUN || self.closed >> lane & 1 == 1 {
                     todo ^= 1 << lane;
-                    self.interval[lane] = pieces.interval_at(first[lane], falls(lane));
+                    self.interval[lane] = pieces.interval_at(first[lane], descends >> lane & 1 == 1);
                 }
             }
         }
-        self.go_to_intervals(intervals, which);
-        (visible, which & !self.closed)
+        visible
     }
 
     /// Moves lanes to other intervals: above a few lanes all at once, which costs as much.
