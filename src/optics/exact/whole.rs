@@ -55,14 +55,13 @@ impl WholePieces {
         self.place_of(place, falls)
     }
 
-    /// Scalars at the near and at the far ends of the pieces from a place on, negated where scalars fall, and extinctions there; `None` where
-    /// there are no more.
+    /// The pieces from a place on that make a run; `None` where there are no more.
     #[inline(always)]
-    pub(crate) fn run(&self, first: usize) -> Option<([Eight<'_, f64>; 2], [Eight<'_, f32>; 2])> {
+    pub(crate) fn run(&self, first: usize) -> Option<RunOfPieces<'_>> {
         // A piece begins where the one before ends.
-        let ends = [of_run(&self.ends, first.checked_sub(1)?)?, of_run(&self.ends, first)?];
+        let [begins, ends] = [of_run(&self.ends, first.checked_sub(1)?)?, of_run(&self.ends, first)?];
         let [.., near, _, _, _, far] = &self.values;
-        Some((ends, [of_run(near, first)?, of_run(far, first)?]))
+        Some(RunOfPieces { begins, ends, extinctions: [of_run(near, first)?, of_run(far, first)?] })
     }
 
     /// Red, green and blue at the near and at the far ends of these pieces.
@@ -72,6 +71,15 @@ impl WholePieces {
         let both = |near, far| Some([of_run(near, first)?, of_run(far, first)?]);
         Some([both(r, far_r)?, both(g, far_g)?, both(b, far_b)?])
     }
+}
+
+/// [`WholePieces`] that make a run.
+pub(crate) struct RunOfPieces<'a> {
+    /// Scalars at the near and at the far ends, negated where scalars fall.
+    pub(crate) begins: Eight<'a, f64>,
+    pub(crate) ends: Eight<'a, f64>,
+    /// Extinctions at the near and at the far ends.
+    pub(crate) extinctions: [Eight<'a, f32>; 2],
 }
 
 /// One number for each piece of a run.

@@ -101,15 +101,16 @@ impl<L: Lanes> ExactLights<'_, L> {
     fn run(&mut self, rows: &Rows, row: usize, run: &WholeRun, out: &mut Out<'_>) -> (usize, bool) {
         let lanes = self.optics.lanes;
         let &WholeRun { lane, first, end, per_scalar } = run;
-        let Some(([begins, ends], [near, far])) = self.optics.table.whole().run(first) else { return (0, false) };
-        let ends = lanes.load(ends);
+        let Some(pieces) = self.optics.table.whole().run(first) else { return (0, false) };
+        let ends = lanes.load(pieces.ends);
         let mut whole = lanes.bits(lanes.lt(ends, lanes.splat(end)));
         if whole == 0 {
             return (0, false);
         }
         let zero = lanes.splat_f32(0.0);
-        let length = lanes.mul(lanes.sub(ends, lanes.load(begins)), lanes.splat(per_scalar));
+        let length = lanes.mul(lanes.sub(ends, lanes.load(pieces.begins)), lanes.splat(per_scalar));
         let length = lanes.to_f32(lanes.select(lanes.mask(whole), length, lanes.splat(0.0)));
+        let [near, far] = pieces.extinctions;
         let mut near = lanes.greater_f32(lanes.mul_f32(cast(*near), length), zero);
         let mut far = lanes.greater_f32(lanes.mul_f32(cast(*far), length), zero);
         let deep = lanes.less_f32(lanes.splat_f32(2.0 * DEPTH_MAX), lanes.add_f32(near, far));
