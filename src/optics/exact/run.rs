@@ -49,7 +49,8 @@ impl Run {
     #[inline(never)]
     fn light(&self) -> Vec4 {
         match self.count {
-            0..=2 => self.light_of::<2>(),
+            0..=1 => self.light_of::<1>(),
+            2 => self.light_of::<2>(),
             3..=4 => self.light_of::<4>(),
             _ => self.light_of::<RUN>(),
         }
