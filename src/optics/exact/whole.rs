@@ -42,17 +42,11 @@ impl WholePieces {
         (0..RUN).for_each(|_| self.push(f64::INFINITY, [Vec4::ZERO; 2]));
     }
 
-    /// Where the piece of an interval is, followed by those that the scalar traverses next.
+    /// Where the piece of an interval is, followed by those that the scalar traverses next; of a place, its interval.
     #[inline(always)]
     pub(crate) fn place_of(&self, interval: usize, falls: bool) -> usize {
         // The last ones are padding.
         if falls { self.ends.len() - 1 - RUN - interval } else { interval }
-    }
-
-    /// The interval whose piece is at a place.
-    #[inline(always)]
-    pub(crate) fn interval_at(&self, place: usize, falls: bool) -> usize {
-        self.place_of(place, falls)
     }
 
     /// The pieces from a place on that make a run; `None` where there are no more.

@@ -71,7 +71,7 @@ impl<L: Lanes> ExactLights<'_, L> {
                 first[lane] += count;
                 if count < RUN || self.closed >> lane & 1 == 1 {
                     todo ^= 1 << lane;
-                    self.interval[lane] = pieces.interval_at(first[lane], descends >> lane & 1 == 1);
+                    self.interval[lane] = pieces.place_of(first[lane], descends >> lane & 1 == 1);
                 }
             }
         }
